@@ -1,0 +1,102 @@
+"""The paper's rewards and losses as pure functions of tensors.
+
+"The paper" is Lee et al., *Adversarial Skill Chaining for Long-Horizon Robot Manipulation via Terminal State
+Regularization*, CoRL 2021; "AMP" is Peng et al., 2021, whose formulation of GAIL the paper adopts. Every
+function keeps the shape of its arguments (they broadcast) unless it says that it returns a mean. Discriminator
+outputs come in raw: they are clipped here, where a reward is made of them, and nowhere else.
+"""
+
+import torch
+from torch import Tensor
+
+
+def gail_reward(f: Tensor) -> Tensor:
+    """The reward of resembling an expert, 1 - 0.25 (f - 1)^2, clipped to [0, 1].
+
+    Args:
+        f: raw output of the GAIL discriminator; +1 is what it should say of an expert's state, -1 of an agent's.
+
+    Returns:
+        Same shape, in [0, 1]: 1 at f = 1, 0 at f <= -1 and f >= 3.
+
+    Source: the paper, text below eq. 1, and AMP eq. 7.
+    """
+    return (1.0 - 0.25 * (f - 1.0).square()).clamp(0.0, 1.0)
+
+
+def subtask_reward(r_env: Tensor, r_gail: Tensor, lambda_1: float, lambda_2: float) -> Tensor:
+    """The reward of learning one subtask, lambda_1 r_env + lambda_2 r_gail.
+
+    Source: the paper, eq. 1.
+    """
+    return lambda_1 * r_env + lambda_2 * r_gail
+
+
+def terminal_state_reward(d: Tensor, in_termination_set: Tensor) -> Tensor:
+    """The terminal state regularisation: d clipped to [0, 1] where the skill has succeeded, 0 elsewhere.
+
+    Args:
+        d: raw output of the *next* skill's initiation set discriminator for the state reached; 1 is what it should
+            say of a state that the next skill succeeds from.
+        in_termination_set: bool, same shape; the state ends a success of this skill.
+
+    Returns:
+        Same shape, in [0, 1].
+
+    Source: the paper, eq. 2; the clipping from its appendix B.
+    """
+    return torch.where(in_termination_set, d.clamp(0.0, 1.0), torch.zeros_like(d))
+
+
+def mixed_reward(
+    r_env: Tensor, r_gail: Tensor, r_tsr: Tensor, lambda_1: float, lambda_2: float, lambda_3: float
+) -> Tensor:
+    """The reward of chaining, the subtask reward plus lambda_3 r_tsr.
+
+    Source: the paper, eq. 3.
+    """
+    return subtask_reward(r_env, r_gail, lambda_1, lambda_2) + lambda_3 * r_tsr
+
+
+def gail_discriminator_loss(f_expert: Tensor, f_agent: Tensor) -> Tensor:
+    """Least squares with labels +1 and -1: mean (f_expert - 1)^2 + mean (f_agent + 1)^2.
+
+    Args:
+        f_expert: raw outputs on the expert's states, any shape.
+        f_agent: raw outputs on the agent's states, any shape.
+
+    Returns:
+        A scalar.
+
+    Source: the paper, text below eq. 1; AMP eq. 6.
+    """
+    return (f_expert - 1.0).square().mean() + (f_agent + 1.0).square().mean()
+
+
+def initiation_set_loss(d_initiation: Tensor, d_termination: Tensor) -> Tensor:
+    """Least squares with labels 1 and 0: mean (d_initiation - 1)^2 + mean d_termination^2.
+
+    Args:
+        d_initiation: raw outputs on states of the skill's initiation set, any shape.
+        d_termination: raw outputs on states of the termination set of the skill before, any shape.
+
+    Returns:
+        A scalar.
+
+    Source: the paper, L_i(omega) in section 3.3.
+    """
+    return (d_initiation - 1.0).square().mean() + d_termination.square().mean()
+
+
+def gradient_penalty(grad: Tensor) -> Tensor:
+    """The zero-centred gradient penalty, half the mean squared norm of the gradient.
+
+    Args:
+        grad: gradients of a discriminator with respect to its inputs, (..., D).
+
+    Returns:
+        A scalar, to be multiplied by the penalty's weight (10).
+
+    Source: AMP eq. 8 (which has the half).
+    """
+    return 0.5 * grad.square().sum(-1).mean()
