@@ -1,0 +1,188 @@
+"""What a piece of furniture is: parts, the connectors on them, and the steps that assemble them.
+
+Lengths in m, angles in rad, quaternions (w, x, y, z) of unit length, poses (x, y, z, w, x, y, z). Everything is
+frozen, and checked when it is made: a `Furniture` that exists is consistent.
+
+Source: reference, environment.md "Scene" and "Connecting".
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+Vec3 = tuple[float, float, float]
+Quat = tuple[float, float, float, float]
+Pose = tuple[float, float, float, float, float, float, float]
+
+IDENTITY: Quat = (1.0, 0.0, 0.0, 0.0)
+
+
+class FurnitureError(ValueError):
+    """A piece of furniture is unknown, or its file says something that cannot be."""
+
+
+@dataclass(frozen=True)
+class Box:
+    """One collision box: half-sizes, and its place in the part's frame."""
+
+    size: Vec3
+    pos: Vec3 = (0.0, 0.0, 0.0)
+    quat: Quat = IDENTITY
+
+
+@dataclass(frozen=True)
+class Connector:
+    """A place on a part where another part is joined.
+
+    Its z axis ("up") and y axis ("forward") are what has to line up with the other connector's. It joins connectors
+    whose kind is `mates_with`, at any of `allowed_angles` (rad) about the up axis.
+    """
+
+    name: str
+    part: str
+    pos: Vec3
+    kind: str
+    mates_with: str
+    quat: Quat = IDENTITY
+    allowed_angles: tuple[float, ...] = (0.0,)
+
+
+@dataclass(frozen=True)
+class Grasp:
+    """Where the fingers take a part, in its frame: the point between them, and the unit axis along which they close."""
+
+    point: Vec3
+    axis: Vec3
+
+
+@dataclass(frozen=True)
+class Part:
+    """A rigid part: `density` is in kg / m^3, `initial_pose` is where it lies at the start (world frame).
+
+    `assembled_pose` is the pose in the finished piece, in a frame common to all parts of it.
+    """
+
+    name: str
+    assembled_pose: Pose
+    initial_pose: Pose
+    boxes: tuple[Box, ...]
+    density: float
+    connectors: tuple[Connector, ...] = ()
+    grasps: tuple[Grasp, ...] = ()
+
+    def connector(self, name: str) -> Connector:
+        """Returns the connector of that name. Raises: FurnitureError if there is none."""
+        return _find(self.connectors, name, f"connector of part {self.name!r}")
+
+
+@dataclass(frozen=True)
+class Step:
+    """One subtask: the hand takes `moving_part` and joins its connector to the target's.
+
+    Attributes:
+        angle: which of the allowed rotations the assembly's drawing names, rad about the connectors' up axis.
+        waypoint: where to lift the part, (dx, dy, dz) from where it lay, m.
+        grasp_index: which of the moving part's grasps to take.
+        grip_init_pos: (dx, dy, dz, height), m: where the hand waits before this step if the arm did not go home
+            after the last one; None where the step begins from home.
+        grip_angle: the hand's approach direction in the world while it grasps.
+        connect_height: height above the target connector at which the two are joined, m.
+    """
+
+    moving_part: str
+    target_part: str
+    moving_connector: str
+    target_connector: str
+    angle: float
+    waypoint: Vec3
+    grasp_index: int = 0
+    grip_init_pos: Quat | None = None
+    grip_angle: Vec3 = (0.0, 0.0, -1.0)
+    connect_height: float = 0.0
+
+
+@dataclass(frozen=True)
+class Furniture:
+    """A piece of furniture. Parts are in the order of the observation, steps in the order of assembly.
+
+    Attributes:
+        z_finedist: height above the target from which a part is lowered finely, m.
+        max_steps_per_subtask: control steps one subtask may take.
+    """
+
+    name: str
+    parts: tuple[Part, ...]
+    steps: tuple[Step, ...]
+    z_finedist: float
+    max_steps_per_subtask: int = 200
+
+    def __post_init__(self) -> None:
+        for what, found in (("parts", self.parts), ("steps", self.steps)):
+            if not found:
+                raise FurnitureError(f"{what}: got none, a piece of furniture needs at least one")
+        for i, step in enumerate(self.steps):
+            _check_step(self, step, f"steps[{i}]")
+
+    @property
+    def part_names(self) -> tuple[str, ...]:
+        return tuple(part.name for part in self.parts)
+
+    def part(self, name: str) -> Part:
+        """Returns the part of that name. Raises: FurnitureError if there is none."""
+        return _find(self.parts, name, f"part of {self.name!r}")
+
+    def part_index(self, name: str) -> int:
+        """Returns the place of the part in `parts`, which is its place in the observation."""
+        return self.parts.index(self.part(name))
+
+    def connectors_of(self, step: int) -> tuple[Connector, Connector]:
+        """Returns the (moving, target) connectors of a step."""
+        s = self.steps[step]
+        return self.part(s.moving_part).connector(s.moving_connector), self.part(s.target_part).connector(
+            s.target_connector
+        )
+
+    def grasp_of(self, step: int) -> Grasp:
+        """Returns where the hand takes the moving part in a step."""
+        return self.part(self.steps[step].moving_part).grasps[self.steps[step].grasp_index]
+
+
+def did_you_mean(got: str, valid: Iterable[str]) -> str:
+    """Returns the tail of an error message: the nearest valid name, if one is near, and all of them."""
+    valid = sorted(valid)
+    near = difflib.get_close_matches(got, valid, n=1)
+    return (f"did you mean {near[0]!r}? " if near else "") + f"valid: {', '.join(map(repr, valid)) or 'none'}"
+
+
+def _find(items, name: str, what: str):
+    for item in items:
+        if item.name == name:
+            return item
+    raise FurnitureError(f"no {what} is called {name!r}: {did_you_mean(name, (item.name for item in items))}")
+
+
+def _check_step(furniture: Furniture, step: Step, where: str) -> None:
+    try:
+        moving = furniture.part(step.moving_part).connector(step.moving_connector)
+        target = furniture.part(step.target_part).connector(step.target_connector)
+    except FurnitureError as error:
+        raise FurnitureError(f"{where}: {error}") from None
+    if moving.mates_with != target.kind or target.mates_with != moving.kind:
+        raise FurnitureError(
+            f"{where}: connector {moving.part}.{moving.name} ({moving.kind!r}, mates with {moving.mates_with!r}) "
+            f"cannot join {target.part}.{target.name} ({target.kind!r}, mates with {target.mates_with!r})"
+        )
+    if not any(math.isclose(step.angle, angle, abs_tol=1e-6) for angle in moving.allowed_angles):
+        allowed = ", ".join(f"{math.degrees(angle):g}" for angle in moving.allowed_angles)
+        raise FurnitureError(
+            f"{where}.angle: got {math.degrees(step.angle):g} degrees, "
+            f"connector {moving.part}.{moving.name} allows {allowed}"
+        )
+    grasps = len(furniture.part(step.moving_part).grasps)
+    if not 0 <= step.grasp_index < grasps:
+        raise FurnitureError(
+            f"{where}.grasp: got {step.grasp_index}, part {step.moving_part!r} has {grasps} grasps"
+        )
