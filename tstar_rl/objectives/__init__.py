@@ -1,0 +1,6 @@
+"""The losses of the two discriminators, as TorchRL loss modules."""
+
+from tstar_rl.objectives.discriminator import GAILDiscriminatorLoss
+from tstar_rl.objectives.initiation_set import InitiationSetLoss
+
+__all__ = ["GAILDiscriminatorLoss", "InitiationSetLoss"]

@@ -1,0 +1,67 @@
+"""What the reward transforms have in common: where TorchRL calls them, and the spec of what they write."""
+
+from abc import abstractmethod
+from typing import cast
+
+import torch
+from tensordict import TensorDictBase
+from tensordict.utils import NestedKey
+from torch import Tensor
+from torchrl.data import Composite, TensorSpec, Unbounded
+from torchrl.envs import Transform
+
+
+class RewardTransform(Transform):
+    """Writes ("next", out_key) from (s, s') alone, in an environment, as a postproc or in a replay buffer.
+
+    A subclass says how in `reward`. In an environment the value is computed at the step; elsewhere `forward` takes
+    a batch of any shape that has a "next" entry.
+
+    Args:
+        out_key: name of the reward, below "next".
+    """
+
+    def __init__(self, out_key: str) -> None:
+        super().__init__(in_keys=[], out_keys=[out_key])
+
+    @abstractmethod
+    def reward(self, current: TensorDictBase, following: TensorDictBase) -> Tensor:
+        """The reward (*batch, 1) of the step from `current` (s) to `following` (s')."""
+
+    @torch.no_grad()
+    def _step(self, tensordict: TensorDictBase, next_tensordict: TensorDictBase) -> TensorDictBase:
+        next_tensordict.set(self.out_keys[0], self.reward(tensordict, next_tensordict))
+        return next_tensordict
+
+    @torch.no_grad()
+    def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
+        """Writes the reward into a batch of steps, in place.
+
+        Raises:
+            KeyError: if there is no "next" in the batch.
+        """
+        following = tensordict.get("next", None)
+        if following is None:
+            raise KeyError(
+                f"{type(self).__name__} needs steps, with the state reached under 'next'; got only {_names(tensordict)}"
+            )
+        following.set(self.out_keys[0], self.reward(tensordict, following))
+        return tensordict
+
+    def transform_reward_spec(self, reward_spec: TensorSpec) -> TensorSpec:
+        """Adds the reward, (*batch, 1) and unbounded."""
+        shape = torch.Size((*reward_spec.shape, 1))
+        reward_spec = cast(Composite, reward_spec)
+        reward_spec[self.out_keys[0]] = Unbounded(shape=shape, device=reward_spec.device, dtype=torch.float32)
+        return reward_spec
+
+    def read(self, tensordict: TensorDictBase, key: NestedKey) -> Tensor:
+        """tensordict[key], or a KeyError that says who wanted it and what there is."""
+        value = tensordict.get(key, None)
+        if value is None:
+            raise KeyError(f"{type(self).__name__} needs {key!r}; got only {_names(tensordict)}")
+        return value
+
+
+def _names(tensordict: TensorDictBase) -> str:
+    return ", ".join(sorted(str(key) for key in tensordict.keys())) or "nothing"  # noqa: SIM118

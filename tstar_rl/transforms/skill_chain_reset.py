@@ -1,0 +1,93 @@
+"""Starts episodes where the skill before has ended."""
+
+from typing import Any, Protocol
+
+import torch
+from tensordict import TensorDict, TensorDictBase
+from torch import Tensor
+from torchrl.envs import Transform
+
+
+class Starts(Protocol):
+    """Where starts are drawn from: a `TerminationSet`, a `TerminalGaussian`, anything like them."""
+
+    def sample(self, n: int, generator: torch.Generator) -> TensorDictBase:
+        """Snapshots, or rows with a "snapshot" entry, batch size [n]; [0] if there are none yet."""
+        ...
+
+
+class SkillChainReset(Transform):
+    """At a reset, puts a share of the simulations into states drawn from `starts`.
+
+    The environment finds them at ("start", "snapshot") with ("start", "use") (*batch, 1), in what its `_reset`
+    is given; where `use` is False, and while `starts` is empty, it draws s_0 itself.
+
+    Args:
+        starts: read by handle, at every reset, so it may grow meanwhile.
+        probability: of a start from `starts`.
+        seed: of the transform's own generator, which is part of its state.
+
+    Raises:
+        ValueError: if the probability is not in [0, 1].
+
+    Source: the paper, algorithm 1 line 9; 80% and 20% from its appendix C.
+    """
+
+    def __init__(self, starts: Starts, probability: float = 0.8, seed: int = 0) -> None:
+        if not 0.0 <= probability <= 1.0:
+            raise ValueError(f"probability must be in [0, 1], got {probability}")
+        super().__init__(in_keys=[], out_keys=[])
+        self.starts = starts
+        self.probability = probability
+        self.generator = torch.Generator().manual_seed(seed)
+        self.draws = {"environment": 0, "chained": 0}
+
+    def _reset_env_preprocess(self, tensordict: TensorDictBase | None) -> TensorDictBase:
+        if tensordict is None:
+            assert self.parent is not None, "SkillChainReset acts in an environment"
+            tensordict = TensorDict(batch_size=self.parent.batch_size, device=self.parent.device)
+        reset = tensordict.get("_reset", None)
+        batch = tensordict.batch_size
+        rows = torch.ones(batch.numel(), dtype=torch.bool) if reset is None else reset.reshape(-1).cpu()
+        start = self._draw(rows)
+        if start is not None:
+            tensordict.set("start", start.reshape(batch).to(tensordict.device))
+        return tensordict
+
+    def _draw(self, rows: Tensor) -> TensorDictBase | None:
+        """rows: (n,) bool, those being reset -> {"snapshot", "use"} of batch size [n], or None if none is chained."""
+        use = rows.clone()
+        use[rows] = torch.rand(int(rows.sum()), generator=self.generator) < self.probability
+        count = int(use.sum())
+        drawn = self.starts.sample(count, self.generator) if count else None
+        if drawn is None or drawn.batch_size[0] == 0:
+            self.draws["environment"] += int(rows.sum())
+            return None
+        self.draws["chained"] += count
+        self.draws["environment"] += int(rows.sum()) - count
+        drawn = drawn.get("snapshot", drawn)
+        row_of = (use.cumsum(0) - 1).clamp_min(0)  # rows that do not use theirs get a copy of another's
+        return TensorDict(
+            {"snapshot": drawn[row_of.to(drawn.device)], "use": use.unsqueeze(-1)},
+            [len(rows)],
+        )
+
+    def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
+        """Not supported.
+
+        Raises:
+            NotImplementedError: always.
+        """
+        raise NotImplementedError(
+            "SkillChainReset acts on resets: append it to an environment, not to a replay buffer, a postproc or a model"
+        )
+
+    def get_extra_state(self) -> dict[str, Any]:
+        """The generator's state and the counts, as tensors."""
+        counts = {name: torch.tensor(count) for name, count in self.draws.items()}
+        return {"generator": self.generator.get_state(), **counts}
+
+    def set_extra_state(self, state: dict[str, Any]) -> None:
+        """What `get_extra_state` gave."""
+        self.generator.set_state(state["generator"].cpu())
+        self.draws = {name: int(state[name]) for name in self.draws}

@@ -1,0 +1,93 @@
+"""The paper's terminal state regularisation, and the constant bonus that is its control."""
+
+import torch
+from tensordict import TensorDictBase
+from torch import Tensor, nn
+
+from tstar_rl.equations import terminal_state_reward
+from tstar_rl.transforms.reward_transform import RewardTransform
+
+
+class ConstantBonus(nn.Module):
+    """Stands in for d_omega and says the same of every state: what a success bonus alone would do.
+
+    Args:
+        value: in [0, 1].
+
+    Raises:
+        ValueError: if the value is outside, where the reward's clipping would change it.
+    """
+
+    def __init__(self, value: float) -> None:
+        super().__init__()
+        if not 0.0 <= value <= 1.0:
+            raise ValueError(
+                f"the bonus is clipped to [0, 1] like d_omega, so value must be in it; got {value}"
+            )
+        self.value = value
+
+    def forward(self, obs: Tensor) -> Tensor:
+        """obs: (..., D) -> (..., 1)."""
+        return torch.full_like(obs[..., :1], self.value)
+
+
+class TerminalStateReward(RewardTransform):
+    """("next", "reward_tsr"): how well the next skill could start where this one succeeded; 0 on other steps.
+
+    Args:
+        d_omega: of the *next* skill, (..., 72) -> (..., 1), raw. Only read.
+        score: "terminal" scores the state reached, s_T, which the next skill starts from (the paper);
+            "before" the state in which the last action was taken.
+        baseline: "none" (the paper), or "running_mean" to subtract the mean score of past successes, so that only what
+            tells one success from another is paid, not success itself.
+        momentum: weight of one success in the running mean.
+
+    Raises:
+        ValueError: if `score` or `baseline` is not one of these, or momentum is not in (0, 1].
+
+    Source: the paper, eq. 2.
+    """
+
+    mean: Tensor
+    successes: Tensor
+
+    def __init__(
+        self,
+        d_omega: nn.Module,
+        score: str = "terminal",
+        baseline: str = "none",
+        momentum: float = 0.01,
+    ) -> None:
+        if score not in ("terminal", "before"):
+            raise ValueError(f"score must be 'terminal' or 'before', got {score!r}")
+        if baseline not in ("none", "running_mean"):
+            raise ValueError(f"baseline must be 'none' or 'running_mean', got {baseline!r}")
+        if not 0.0 < momentum <= 1.0:
+            raise ValueError(f"momentum must be in (0, 1], got {momentum}")
+        super().__init__("reward_tsr")
+        self.d_omega = d_omega
+        self.score = score
+        self.baseline = baseline
+        self.momentum = momentum
+        self.register_buffer("mean", torch.zeros(()))
+        self.register_buffer("successes", torch.zeros((), dtype=torch.int64))
+
+    def reward(self, current: TensorDictBase, following: TensorDictBase) -> Tensor:
+        """(*batch, 1): in [0, 1], or in [-1, 1] with a baseline."""
+        success = self.read(following, "success")
+        obs = self.read(following if self.score == "terminal" else current, "observation")
+        reward = torch.zeros(success.shape, dtype=obs.dtype, device=obs.device)
+        reached = success.squeeze(-1)
+        if not reached.any():  # the usual case: the network need not run
+            return reward
+        scores = terminal_state_reward(self.d_omega(obs[reached]), success[reached])
+        self._update_mean(scores)
+        reward[reached] = scores - self.mean if self.baseline == "running_mean" else scores
+        return reward
+
+    def _update_mean(self, scores: Tensor) -> None:
+        """Moves the mean towards scores (n, 1) as n successes one after another would; the first sets it."""
+        n = scores.shape[0]
+        weight = 1.0 if self.successes == 0 else 1.0 - (1.0 - self.momentum) ** n
+        self.mean.lerp_(scores.mean(), weight)
+        self.successes.add_(n)
