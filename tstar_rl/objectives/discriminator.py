@@ -40,17 +40,12 @@ class GAILDiscriminatorLoss(LossModule):
         "loss_gradient_penalty",
         "expert_score",
         "agent_score",
-        ,
     ]
 
-    def __init__(
-        self, network: Discriminator, gradient_penalty_weight: float = 10.0
-    ) -> None:
+    def __init__(self, network: Discriminator, gradient_penalty_weight: float = 10.0) -> None:
         super().__init__()
         if gradient_penalty_weight < 0:
-            raise ValueError(
-                f"gradient_penalty_weight must not be negative, got {gradient_penalty_weight}"
-            )
+            raise ValueError(f"gradient_penalty_weight must not be negative, got {gradient_penalty_weight}")
         self.network = network
         self.gradient_penalty_weight = gradient_penalty_weight
 
@@ -59,13 +54,9 @@ class GAILDiscriminatorLoss(LossModule):
 
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
         """tensordict: "observation" and "expert_observation" (batch, 72) -> losses and mean scores, scalars."""
-        expert = self.network.normalize(
-            tensordict.get(self.tensor_keys.expert_observation)
-        ).detach()
+        expert = self.network.normalize(tensordict.get(self.tensor_keys.expert_observation)).detach()
         f_agent = self.network(tensordict.get(self.tensor_keys.observation))
-        f_expert, penalty = score_and_penalty(
-            self.network, expert, self.gradient_penalty_weight
-        )
+        f_expert, penalty = score_and_penalty(self.network, expert, self.gradient_penalty_weight)
         losses = {
             "loss_discriminator": gail_discriminator_loss(f_expert, f_agent),
             "loss_gradient_penalty": penalty,
@@ -75,9 +66,7 @@ class GAILDiscriminatorLoss(LossModule):
         return TensorDict(losses)
 
 
-def score_and_penalty(
-    network: Discriminator, normalized: Tensor, weight: float
-) -> tuple[Tensor, Tensor]:
+def score_and_penalty(network: Discriminator, normalized: Tensor, weight: float) -> tuple[Tensor, Tensor]:
     """normalized: (batch, D) -> raw scores (batch, 1) and the weighted gradient penalty there, a scalar."""
     if not weight:
         return network.score(normalized), normalized.new_zeros(())

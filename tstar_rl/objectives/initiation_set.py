@@ -38,17 +38,12 @@ class InitiationSetLoss(LossModule):
         "loss_gradient_penalty",
         "initiation_score",
         "termination_score",
-        ,
     ]
 
-    def __init__(
-        self, network: Discriminator, gradient_penalty_weight: float = 0.0
-    ) -> None:
+    def __init__(self, network: Discriminator, gradient_penalty_weight: float = 0.0) -> None:
         super().__init__()
         if gradient_penalty_weight < 0:
-            raise ValueError(
-                f"gradient_penalty_weight must not be negative, got {gradient_penalty_weight}"
-            )
+            raise ValueError(f"gradient_penalty_weight must not be negative, got {gradient_penalty_weight}")
         self.network = network
         self.gradient_penalty_weight = gradient_penalty_weight
 
@@ -57,15 +52,9 @@ class InitiationSetLoss(LossModule):
 
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
         """tensordict: "initiation_observation", "termination_observation" (batch, 72) -> losses and mean scores."""
-        initiation = self.network.normalize(
-            tensordict.get(self.tensor_keys.initiation_observation)
-        ).detach()
-        d_termination = self.network(
-            tensordict.get(self.tensor_keys.termination_observation)
-        )
-        d_initiation, penalty = score_and_penalty(
-            self.network, initiation, self.gradient_penalty_weight
-        )
+        initiation = self.network.normalize(tensordict.get(self.tensor_keys.initiation_observation)).detach()
+        d_termination = self.network(tensordict.get(self.tensor_keys.termination_observation))
+        d_initiation, penalty = score_and_penalty(self.network, initiation, self.gradient_penalty_weight)
         losses = {
             "loss_initiation_set": initiation_set_loss(d_initiation, d_termination),
             "loss_gradient_penalty": penalty,
