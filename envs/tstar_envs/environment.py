@@ -1,0 +1,144 @@
+"""The batched environment under every front: N simulations, one task, their random numbers and snapshots."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+import torch
+from tensordict import TensorDict
+from torch import Tensor
+
+from tstar_envs.experts.assembler import Assembler
+from tstar_envs.furniture import library
+from tstar_envs.physics.cpu import CpuPhysics
+from tstar_envs.scene import SUBSTEPS, build_model
+from tstar_envs.settings import TaskSettings
+from tstar_envs.tasks.assembly import NUM_ACTIONS, Assembly
+
+NUM_OBSERVATIONS_ROBOT, NUM_PHASES = 29, 8
+
+
+class BatchedEnvironment:
+    """N simulations of one assembly task.
+
+    `reset(mask)` and `step(actions)` leave what happened in `state` (see `tasks.assembly`); `observation()` reads it.
+    A simulation that MuJoCo gives up on ends its own episode as a failure, is counted in `failures` and waits for a
+    reset; the others do not notice.
+
+    Args:
+        name: furniture, e.g. `table_lack`.
+        num_sims: how many simulations.
+        subtask: step of the recipe, 0-based, or None for the whole task.
+        nthread: threads that step the simulations, 0 for all cores. Results do not depend on it.
+        seed: of the private random generator of start noise; None draws one.
+        settings: `TaskSettings`, or plain values of its fields.
+    """
+
+    def __init__(
+        self, name: str, num_sims: int = 1, subtask: int | None = None, nthread: int = 0, seed: int | None = None,
+        settings: TaskSettings | Mapping[str, Any] | None = None,
+    ):  # fmt: skip
+        self.name, self.furniture = name, library.load(name)
+        if subtask is not None and not 0 <= subtask < len(self.furniture.steps):
+            raise ValueError(
+                f"subtask of {name} must be None (the whole task) or in 0..{len(self.furniture.steps) - 1}, got {subtask}"
+            )
+        if num_sims < 1:
+            raise ValueError(f"the number of simulations must be at least 1, got {num_sims}")
+        self.settings = settings if isinstance(settings, TaskSettings) else TaskSettings.from_mapping(settings or {})
+        self.subtask, self.num_sims = subtask, num_sims
+        self.model = build_model(self.furniture)
+        self.physics = CpuPhysics(self.model, num_sims, nthread)
+        self.generator = torch.Generator()
+        self.seed(seed)
+        self.task = Assembly(self.furniture, self.physics, subtask, self.settings, self.generator)
+        self.state = self.task.new_state()
+        self.failures = 0
+
+    @property
+    def num_subtasks(self) -> int:
+        return len(self.furniture.steps)
+
+    @property
+    def max_steps(self) -> int:
+        """Control steps after which an episode is truncated."""
+        return self.task.step_limit
+
+    @property
+    def num_observations(self) -> int:
+        return NUM_OBSERVATIONS_ROBOT + 7 * len(self.furniture.parts) + NUM_PHASES
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """Plain values that build this environment again, less the seed and the number of simulations."""
+        return {"task": self.name, "subtask": self.subtask, **dataclasses.asdict(self.settings)}
+
+    def seed(self, seed: int | None) -> int:
+        """Seeds the private generator and returns the seed used."""
+        if seed is None:
+            return self.generator.seed()
+        self.generator.manual_seed(seed)
+        return seed
+
+    def reset(self, mask: Tensor | None = None) -> None:
+        """Starts new episodes in the simulations of `mask` (N,), by default all."""
+        self.task.initialize_episode(self.state, self._all() if mask is None else mask)
+
+    def reset_to(self, snapshot: TensorDict, mask: Tensor | None = None) -> None:
+        """Starts new episodes from snapshots: restores them and starts the episode's clocks."""
+        mask = self._all() if mask is None else mask
+        self.restore(snapshot, mask)
+        self.task.begin_episode(self.state, mask)
+
+    def step(self, action: Tensor) -> None:
+        """One control step (0.1 s) of every simulation under actions (N, 9); values are clipped to [-1, 1]."""
+        if action.shape != (self.num_sims, NUM_ACTIONS):
+            raise ValueError(
+                f"an action of {self.name} has shape ({self.num_sims}, {NUM_ACTIONS}): 7 joint velocities, gripper, "
+                f"connect for each simulation; got {tuple(action.shape)}"
+            )
+        action = action.to(torch.float64).clamp(-1.0, 1.0)
+        bad = action.isnan().any(dim=-1)
+        if bool(bad.any()):
+            raise ValueError(f"an action of {self.name} is NaN in simulations {bad.nonzero().flatten().tolist()[:8]}")
+        self.task.before_step(self.state, action)
+        failed = self.physics.step(SUBSTEPS)
+        if bool(failed.any()):
+            self._bury(failed)
+        self.task.after_step(self.state, action, failed)
+
+    def observation(self) -> Tensor:
+        """Observation (N, 72), float64: environment.md, "Observation"."""
+        return self.task.get_observation(self.state)
+
+    def expert(self) -> Assembler:
+        """The scripted assembly policy on these simulations."""
+        return Assembler(self.task, self.physics)
+
+    def snapshot(self) -> TensorDict:
+        """Everything that decides the future of each simulation but the random generator."""
+        return TensorDict(
+            {"physics": self.physics.state(), "welds": self.physics.eq_data.clone(), "task": self.state.clone()},
+            [self.num_sims],
+        )
+
+    def restore(self, snapshot: TensorDict, mask: Tensor | None = None) -> None:
+        """Puts the simulations of `mask` into the states of `snapshot` (batch N)."""
+        if snapshot.batch_size != torch.Size([self.num_sims]):
+            raise ValueError(f"a snapshot of {self.num_sims} simulations is needed, got {tuple(snapshot.batch_size)}")
+        mask = self._all() if mask is None else mask
+        self.physics.set_state(snapshot["physics"], snapshot["welds"], mask)
+        for name, value in snapshot["task"].items():
+            where = mask.reshape(-1, *[1] * (value.ndim - 1))
+            self.state[name] = torch.where(where, value, self.state[name])
+
+    def _bury(self, failed: Tensor) -> None:
+        """Counts failed simulations and gives them a valid state to wait in for their reset."""
+        self.failures += int(failed.sum())
+        self.physics.clear(failed)
+        self.physics.forward(failed)
+
+    def _all(self) -> Tensor:
+        return torch.ones(self.num_sims, dtype=torch.bool, device=self.physics.device)

@@ -1,0 +1,100 @@
+"""N simulations on the CPU: `mujoco.batch.Batch` behind `PhysicsView`, as zero-copy torch views."""
+
+from __future__ import annotations
+
+import warnings
+
+import mujoco
+import numpy as np
+import torch
+from mujoco import batch as mj_batch
+from torch import Tensor
+
+_CURRENT = mujoco.mjtStage.mjSTAGE_VEL.value
+"""Stage computed after every call: positions, velocities and their sensors (not accelerations)."""
+
+
+class CpuPhysics:
+    """`PhysicsView` on `num_sims` simulations stepped by `nthread` threads (0: all cores).
+
+    Results are the same bits at any thread count. MuJoCo keeps one MjData per simulation, as sleep needs.
+    """
+
+    def __init__(self, model: mujoco.MjModel, num_sims: int, nthread: int = 0):
+        self.model = model
+        self.num_sims = num_sims
+        self.device = torch.device("cpu")
+        self.batch = mj_batch.Batch(model, nsim=num_sims, nthread=nthread, persistent=True)
+        self.qpos = torch.from_numpy(self.batch.qpos)
+        self.qvel = torch.from_numpy(self.batch.qvel)
+        self.ctrl = torch.from_numpy(self.batch.ctrl)
+        self.eq_active = torch.from_numpy(self.batch.eq_active)
+        self.eq_data = torch.from_numpy(self.batch.expand("eq_data"))
+        self._state = torch.from_numpy(self.batch.state)
+        self._sensors = _shared(self.batch.bind("sensordata"))
+        self._warnings = self.batch.warning.copy()
+        self.batch.forward(stage=_CURRENT)
+
+    def body_pose(self, name: str) -> Tensor:
+        address = self.model.jnt_qposadr[self.model.joint(name).id]
+        return self.qpos[:, address : address + 7]
+
+    def site_pose(self, name: str) -> tuple[Tensor, Tensor]:
+        site = self.model.site(name).id
+        matrices = _shared(self.batch.bind("site_xmat"))[:, site]
+        return _shared(self.batch.bind("site_xpos"))[:, site], matrices.reshape(-1, 3, 3)
+
+    def joint_frames(self, count: int) -> tuple[Tensor, Tensor]:
+        """World anchors and axes of the first `count` joints, (N, count, 3) each; for the scripted expert."""
+        return _shared(self.batch.bind("xanchor"))[:, :count], _shared(self.batch.bind("xaxis"))[:, :count]
+
+    def sensor(self, name: str) -> Tensor:
+        sensor = self.model.sensor(name)
+        return self._sensors[:, sensor.adr[0] : sensor.adr[0] + sensor.dim[0]]
+
+    def step(self, substeps: int) -> Tensor:
+        return self._advance(None, substeps)
+
+    def settle(self, mask: Tensor, substeps: int) -> Tensor:
+        return self._advance(mask.numpy(), substeps)
+
+    def forward(self, mask: Tensor | None = None) -> None:
+        try:
+            self.batch.forward(ids=None if mask is None else mask.numpy(), stage=_CURRENT)
+        except mj_batch.SimulationError:
+            # The state is untouched: the next step meets the same error and reports it as a failure.
+            pass
+
+    def clear(self, mask: Tensor) -> None:
+        self.batch.reset(ids=mask.numpy(), stage=mujoco.mjtStage.mjSTAGE_NONE.value)
+        self.eq_data[mask] = torch.from_numpy(self.model.eq_data)
+
+    def state(self) -> Tensor:
+        return self._state.clone()
+
+    def set_state(self, rows: Tensor, welds: Tensor, mask: Tensor | None = None) -> None:
+        if mask is None:
+            mask = torch.ones(self.num_sims, dtype=torch.bool)
+        # A reset first: sleep timers are not in the row, so two restores of one row would differ without it.
+        self.clear(mask)
+        self._state[mask] = rows[mask]
+        self.eq_data[mask] = welds[mask]
+        self.forward(mask)
+
+    def _advance(self, ids: np.ndarray | None, substeps: int) -> Tensor:
+        raised = np.zeros(self.num_sims, dtype=bool)
+        try:
+            self.batch.step(ids=ids, nstep=substeps, stage=_CURRENT)
+        except mj_batch.SimulationError as error:
+            raised[error.ids] = True
+        warned = (self.batch.warning != self._warnings).reshape(self.num_sims, -1).any(axis=1)
+        self._warnings = self.batch.warning.copy()
+        broken = ~np.isfinite(self.batch.qpos).all(axis=1) | ~np.isfinite(self.batch.qvel).all(axis=1)
+        return torch.from_numpy(raised | warned | broken)
+
+
+def _shared(array: np.ndarray) -> Tensor:
+    """A tensor on the memory of a read-only NumPy array; torch has no read-only tensors and warns of it."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        return torch.from_numpy(array)

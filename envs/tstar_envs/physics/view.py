@@ -1,0 +1,60 @@
+"""What every simulator offers the task: N simulations of one model as torch tensors with a leading axis N."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import torch
+from torch import Tensor
+
+
+class PhysicsView(Protocol):
+    """N simulations. State tensors are live: writing one is the simulations' state at the next call.
+
+    Derived quantities (sensors) are current after `step`, `forward` and `restore`, and read-only.
+    All tensors are float64 on `device`. Lengths in m, angles in rad, world frame, quaternions (w, x, y, z).
+    """
+
+    num_sims: int
+    device: torch.device
+    qpos: Tensor  # (N, nq)
+    qvel: Tensor  # (N, nv)
+    ctrl: Tensor  # (N, nu)
+    eq_active: Tensor  # (N, num_welds), 0 or 1
+    eq_data: Tensor  # (N, num_welds, 11): anchor 3, relative position 3, relative quaternion 4, torque scale
+
+    def body_pose(self, name: str) -> Tensor:
+        """Pose of a free body, (N, 7): position and quaternion. A live view of `qpos`."""
+        ...
+
+    def site_pose(self, name: str) -> tuple[Tensor, Tensor]:
+        """World position (N, 3) and rotation matrix (N, 3, 3) of a site."""
+        ...
+
+    def sensor(self, name: str) -> Tensor:
+        """Readings of a sensor, (N, dim)."""
+        ...
+
+    def step(self, substeps: int) -> Tensor:
+        """Advances every simulation; returns the mask (N,) of those that failed in this call."""
+        ...
+
+    def forward(self, mask: Tensor | None = None) -> None:
+        """Makes derived quantities current after a write to the state, in the simulations of `mask` (N,)."""
+        ...
+
+    def settle(self, mask: Tensor, substeps: int) -> Tensor:
+        """Advances the simulations of `mask` alone; returns the mask (N,) of those that failed."""
+        ...
+
+    def clear(self, mask: Tensor) -> None:
+        """Puts the simulations of `mask` back to the model's default state, without computing anything."""
+        ...
+
+    def state(self) -> Tensor:
+        """Copy of the integration states, (N, S)."""
+        ...
+
+    def set_state(self, rows: Tensor, welds: Tensor, mask: Tensor | None = None) -> None:
+        """Restores states (N, S) and weld poses (N, num_welds, 11) in the simulations of `mask`."""
+        ...

@@ -1,0 +1,95 @@
+"""Furniture + robot -> one compiled MjModel that serves every subtask.
+
+Bodies are named as the parts of the furniture. Every weld of the assembly is compiled in, inactive, one per step
+and named `step_<i>`: body1 is the target part, body2 the moving part. What changes during an episode lives in the
+state (`eq_active`) and in the per-simulation `eq_data`, nothing else in the model does.
+"""
+
+from __future__ import annotations
+
+import mujoco
+
+from tstar_envs.furniture.schema import Furniture, Part
+from tstar_envs.robots import sawyer
+
+TIMESTEP = 0.01
+SUBSTEPS = 10
+"""10 physics steps of 10 ms a control step: 10 Hz control (docs/decisions/0005-physics.md)."""
+
+_PART_COLOURS = ((0.85, 0.65, 0.4, 1), (0.4, 0.6, 0.8, 1), (0.5, 0.75, 0.45, 1), (0.8, 0.5, 0.55, 1))
+_TARGET_COLOUR = (0.93, 0.9, 0.84, 1)
+
+
+def build_spec(furniture: Furniture) -> mujoco.MjSpec:
+    """Returns the editable scene: floor, robot, parts, welds, sensors, camera and light."""
+    spec = mujoco.MjSpec()
+    spec.modelname = furniture.name
+    spec.compiler.degree = False
+    _set_options(spec)
+    floor = {"type": mujoco.mjtGeom.mjGEOM_PLANE, "size": (0, 0, 0.05), "friction": (2.0, 0.005, 0.0001)}
+    spec.worldbody.add_geom(
+        name="floor", contype=sawyer.WORLD_BIT, conaffinity=sawyer.PART_BIT, rgba=(0.75, 0.78, 0.8, 1), **floor
+    )
+    sawyer.add_sawyer(spec)
+    targets = {step.target_part for step in furniture.steps}
+    for i, part in enumerate(furniture.parts):
+        colour = _TARGET_COLOUR if part.name in targets else _PART_COLOURS[i % len(_PART_COLOURS)]
+        _add_part(spec, part, colour)
+    _add_welds(spec, furniture)
+    _add_contact_sensors(spec, furniture)
+    _add_view(spec)
+    return spec
+
+
+def build_model(furniture: Furniture) -> mujoco.MjModel:
+    """Compiles the scene of `furniture`."""
+    return build_spec(furniture).compile()
+
+
+def _set_options(spec: mujoco.MjSpec) -> None:
+    option = spec.option
+    option.timestep = TIMESTEP
+    option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    option.solver = mujoco.mjtSolver.mjSOL_NEWTON
+    option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    option.iterations, option.ls_iterations, option.impratio = 30, 20, 1
+    option.enableflags |= mujoco.mjtEnableBit.mjENBL_SLEEP
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = 1280, 960
+
+
+def _add_part(spec: mujoco.MjSpec, part: Part, colour: tuple[float, ...]) -> None:
+    body = spec.worldbody.add_body(name=part.name, pos=part.initial_pose[:3], quat=part.initial_pose[3:])
+    body.add_joint(name=part.name, type=mujoco.mjtJoint.mjJNT_FREE, damping=1e-4)
+    for box in part.boxes:
+        body.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_BOX, size=box.size, pos=box.pos, quat=box.quat, density=part.density,
+            contype=sawyer.PART_BIT, conaffinity=sawyer.PART_BIT | sawyer.WORLD_BIT, friction=(0.8, 0.005, 0.0001),
+            rgba=colour,
+        )  # fmt: skip
+
+
+def _add_welds(spec: mujoco.MjSpec, furniture: Furniture) -> None:
+    for i, step in enumerate(furniture.steps):
+        weld = spec.add_equality(
+            name=f"step_{i}", type=mujoco.mjtEq.mjEQ_WELD, objtype=mujoco.mjtObj.mjOBJ_BODY,
+            name1=step.target_part, name2=step.moving_part, active=False, solref=(0.02, 1),
+        )  # fmt: skip
+        weld.data[:3] = 0.0  # the anchor; MjSpec's default is meant for joint equalities
+
+
+def _add_contact_sensors(spec: mujoco.MjSpec, furniture: Furniture) -> None:
+    """One sensor per finger and part, in that order: the number of contacts between the two."""
+    for finger in sawyer.FINGERS:
+        for part in furniture.parts:
+            spec.add_sensor(
+                name=f"{finger}_touches_{part.name}", type=mujoco.mjtSensor.mjSENS_CONTACT,
+                objtype=mujoco.mjtObj.mjOBJ_BODY, objname=finger, reftype=mujoco.mjtObj.mjOBJ_BODY,
+                refname=part.name, intprm=(1 << mujoco.mjtConDataField.mjCONDATA_FOUND.value, 0, 1),
+            )  # fmt: skip
+
+
+def _add_view(spec: mujoco.MjSpec) -> None:
+    spec.worldbody.add_light(pos=(0, -1, 2.5), dir=(0, 0.4, -1), type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL)
+    spec.worldbody.add_camera(
+        name="workplace", pos=(-0.95, -1.25, 0.95), fovy=45, xyaxes=(0.86, -0.51, 0, 0.25, 0.42, 0.87)
+    )

@@ -1,0 +1,73 @@
+"""What a user may set of the assembly task, with the task's own figures as defaults."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+from collections.abc import Mapping
+from typing import Any
+
+
+@dataclasses.dataclass(frozen=True)
+class TaskSettings:
+    """Settings of an assembly task. Source: environment.md unless a line says otherwise.
+
+    Lengths in m, angles in degrees where the name says so.
+    """
+
+    velocity_scale: float = 1.0
+    """Share of the joint velocity limits that an arm action of 1 asks for."""
+    gripper: str = "sign"
+    """`sign`: the gripper action's sign opens or closes; `continuous`: it places the fingers."""
+    part_noise: float = 0.02
+    """Start noise of every part in x and y, uniform in [-part_noise, part_noise]."""
+    part_noise_degrees: float = 3.0
+    """Start noise of every part's yaw, uniform."""
+    drop_height: float = 0.01
+    """Parts start this far above their resting height and settle."""
+    settle_steps: int = 30
+    """Physics steps that the parts are given to settle."""
+    arm_noise: float = 1e-3
+    """Start noise of the arm's joints, rad, uniform."""
+    preassembled: str = "ideal"
+    """Where earlier steps are preassembled: `ideal` pose, or `jitter` around it."""
+    jitter: float = 0.012
+    """With `jitter`: offset of the moving connector in the target connector's plane and away from it."""
+    jitter_degrees: float = 5.0
+    """With `jitter`: tilt of the moving connector about a random axis."""
+    snap: bool = False
+    """Connecting moves the part to its ideal pose first: an easy mode, not the paper's."""
+    reset_robot: bool = True
+    """The arm goes back home, gripper open, after connecting."""
+    end_on_disturbance: bool = False
+    """A target that moved by more than 0.1 m ends the episode as a failure."""
+    max_steps: int = 200
+    """Control steps for one subtask; K times as many for the whole task."""
+
+    def __post_init__(self) -> None:
+        _check_choice("gripper", self.gripper, ("sign", "continuous"))
+        _check_choice("preassembled", self.preassembled, ("ideal", "jitter"))
+        if not 0 < self.velocity_scale <= 1:
+            raise ValueError(f"setting velocity_scale must be in (0, 1], got {self.velocity_scale}")
+        for name in ("part_noise", "part_noise_degrees", "drop_height", "arm_noise", "jitter", "jitter_degrees"):
+            if getattr(self, name) < 0:
+                raise ValueError(f"setting {name} must not be negative, got {getattr(self, name)}")
+        for name in ("max_steps", "settle_steps"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"setting {name} must be at least 1, got {getattr(self, name)}")
+
+    @classmethod
+    def from_mapping(cls, values: Mapping[str, Any]) -> TaskSettings:
+        """Builds settings from plain values; an unknown name raises with the nearest valid one."""
+        valid = [field.name for field in dataclasses.fields(cls)]
+        for name in values:
+            if name not in valid:
+                near = difflib.get_close_matches(name, valid, n=1)
+                hint = f" (did you mean {near[0]!r}?)" if near else ""
+                raise ValueError(f"unknown task setting {name!r}{hint}; valid settings: {', '.join(valid)}")
+        return cls(**values)
+
+
+def _check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
+    if value not in choices:
+        raise ValueError(f"setting {name} must be one of {', '.join(choices)}; got {value!r}")

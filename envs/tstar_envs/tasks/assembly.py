@@ -1,0 +1,255 @@
+"""Furniture assembly as a batched task: observation, subtasks, connections, reward, termination.
+
+Source: environment.md.
+"""
+
+from __future__ import annotations
+
+import torch
+from tensordict import TensorDict
+from torch import Tensor
+
+from tstar_envs import geometry
+from tstar_envs.connection import WrongPairs, align
+from tstar_envs.furniture.schema import Furniture
+from tstar_envs.physics.view import PhysicsView
+from tstar_envs.robots import sawyer
+from tstar_envs.settings import TaskSettings
+from tstar_envs.tasks import phase_reward
+from tstar_envs.tasks.episode_start import EpisodeStarts
+from tstar_envs.tasks.phase_reward import Scene
+from tstar_envs.tasks.recipe_tables import RecipeTables
+
+NUM_ACTIONS = sawyer.NUM_JOINTS + 2
+GRIPPER, CONNECT = sawyer.NUM_JOINTS, sawyer.NUM_JOINTS + 1
+DISTURBED = 0.1
+_ROBOT_QPOS = sawyer.NUM_JOINTS + 2
+
+
+class Assembly:
+    """The task over the simulations of `physics`; `subtask` is one step of the recipe, or None for all in a row."""
+
+    def __init__(
+        self, furniture: Furniture, physics: PhysicsView, subtask: int | None, settings: TaskSettings,
+        generator: torch.Generator,
+    ):  # fmt: skip
+        self.furniture, self.physics, self.subtask, self.settings = furniture, physics, subtask, settings
+        self.tables = RecipeTables(furniture, physics.device)
+        self.starts = EpisodeStarts(self.tables, physics, settings, generator)
+        self.last_subtask = self.tables.num_steps - 1 if subtask is None else subtask
+        self.step_limit = settings.max_steps * (self.tables.num_steps if subtask is None else 1)
+        self._wrong = WrongPairs(furniture, physics.device)
+        self._speeds = settings.velocity_scale * torch.tensor(
+            sawyer.JOINT_SPEEDS, dtype=torch.float64, device=physics.device
+        )
+        self._open = torch.tensor(sawyer.FINGER_OPEN, dtype=torch.float64, device=physics.device)
+        self._closed = torch.tensor(sawyer.FINGER_CLOSED, dtype=torch.float64, device=physics.device)
+        self._bonuses = phase_reward.BONUS * torch.tensor(
+            phase_reward.BONUS_SHARES, dtype=torch.float64, device=physics.device
+        )
+        self._touch = [
+            [physics.sensor(f"{finger}_touches_{part}") for part in furniture.part_names] for finger in sawyer.FINGERS
+        ]
+        self._sensors = {
+            name: physics.sensor(name) for name in ("grip_pos", "hand_quat", "grip_linvel", "grip_angvel", "tip_pos")
+        }
+
+    @property
+    def part_poses(self) -> Tensor:
+        """(N, parts, 7), world: a live view of the state, parts in the order of the observation."""
+        return self.physics.qpos[:, _ROBOT_QPOS:].unflatten(-1, (self.tables.num_parts, 7))
+
+    def new_state(self) -> TensorDict:
+        """Episode state of N simulations that have not begun."""
+        n, device = self.physics.num_sims, self.physics.device
+        whole = {name: torch.zeros(n, dtype=torch.long, device=device) for name in _WHOLE}
+        real = {name: torch.zeros(n, dtype=torch.float64, device=device) for name in _REAL}
+        flags = {name: torch.zeros(n, dtype=torch.bool, device=device) for name in _FLAGS}
+        points = {name: torch.zeros(n, 3, dtype=torch.float64, device=device) for name in _POINTS}
+        potential = torch.zeros(n, len(phase_reward.PHASES), dtype=torch.float64, device=device)
+        return TensorDict({**whole, **real, **flags, **points, "potential": potential}, [n], device=device)
+
+    def initialize_episode(self, state: TensorDict, mask: Tensor) -> None:
+        first = self.subtask or 0
+        self.starts.place(mask, first)
+        fresh = self.new_state()
+        fresh["subtask"].fill_(first)
+        _assign(state, fresh, mask)
+        self.begin_subtask(state, mask)
+
+    def begin_episode(self, state: TensorDict, mask: Tensor) -> None:
+        """Starts the episode clocks of simulations that were put into a restored state."""
+        for name in ("step", "episode_step", "completed"):
+            state[name].masked_fill_(mask, 0)
+        for name in ("success", "wrong", "failed", "disturbed"):
+            state[name].masked_fill_(mask, False)
+
+    def begin_subtask(self, state: TensorDict, mask: Tensor) -> None:
+        """Sets what the reward remembers for the subtask that `state` names, in the simulations of `mask`."""
+        scene = self.scene(state)
+        fresh = self.new_state()
+        fresh["phase"].fill_(1 if self.settings.reset_robot else 0)
+        fresh["grip_action"].fill_(-1.0)
+        fresh["start_tip"].copy_(scene.tip)
+        fresh["start_target"].copy_(scene.target_connector)
+        fresh["lift_point"].copy_(scene.part + self.tables.waypoint[self._step_index(state)])
+        fresh["potential"].copy_(self._potentials(scene, fresh))
+        kept = ("subtask", "episode_step", "completed", "reward", "success", "wrong", "failed", "disturbed")
+        _assign(state, fresh.exclude(*kept), mask)
+
+    def before_step(self, state: TensorDict, action: Tensor) -> None:
+        grip = action[:, GRIPPER : GRIPPER + 1]
+        closed = (grip > 0).double() if self.settings.gripper == "sign" else (grip + 1) / 2
+        self.physics.ctrl[:, : sawyer.NUM_JOINTS] = action[:, : sawyer.NUM_JOINTS] * self._speeds
+        self.physics.ctrl[:, sawyer.NUM_JOINTS :] = self._open + closed * (self._closed - self._open)
+
+    def after_step(self, state: TensorDict, action: Tensor, failed: Tensor) -> None:
+        scene = self.scene(state)
+        state["episode_step"] += 1
+        state["step"] += 1
+        asks = (action[:, CONNECT] > 0) & ~failed
+        connected = asks & scene.touching & scene.alignment.aligned
+        state["wrong"] = self._wrong_connection(state, asks & ~connected)
+        state["failed"] = failed
+        state["reward"] = self._reward(state, scene, action, connected) * ~failed
+        moved = (scene.target_connector - state["start_target"]).norm(dim=-1)
+        state["disturbed"] = moved > DISTURBED
+        state["success"] = connected & (state["subtask"] == self.last_subtask)
+        if bool(connected.any()):
+            self._connect(state, connected)
+
+    def get_reward(self, state: TensorDict) -> Tensor:
+        return state["reward"]
+
+    def get_termination(self, state: TensorDict) -> tuple[Tensor, Tensor]:
+        terminated = state["success"] | state["wrong"] | state["failed"]
+        if self.settings.end_on_disturbance:
+            terminated = terminated | state["disturbed"]
+        return terminated, (state["episode_step"] >= self.step_limit) & ~terminated
+
+    def get_observation(self, state: TensorDict) -> Tensor:
+        robot = self.physics.qpos[:, :_ROBOT_QPOS]
+        phase = torch.nn.functional.one_hot(state["phase"], len(phase_reward.PHASES))
+        sensors = self._sensors
+        return torch.cat(
+            [
+                robot[:, : sawyer.NUM_JOINTS], self.physics.qvel[:, : sawyer.NUM_JOINTS], robot[:, sawyer.NUM_JOINTS :],
+                sensors["grip_pos"], sensors["hand_quat"], sensors["grip_linvel"], sensors["grip_angvel"],
+                self.physics.qpos[:, _ROBOT_QPOS:], phase,
+            ],
+            dim=-1,
+        )  # fmt: skip
+
+    def scene(self, state: TensorDict) -> Scene:
+        """What the simulations look like to the subtask that each is at."""
+        tables, k = self.tables, self._step_index(state)
+        poses, rows = self.part_poses, torch.arange(self.physics.num_sims, device=self.physics.device)
+        moving, target = poses[rows, tables.moving[k]], poses[rows, tables.target[k]]
+        moving_matrix, target_matrix = (geometry.quat_to_matrix(pose[:, 3:]) for pose in (moving, target))
+        connector = moving[:, :3] + _rotate(moving_matrix, tables.moving_connector[k, :3])
+        goal = target[:, :3] + _rotate(target_matrix, tables.target_connector[k, :3])
+        alignment = align(
+            connector, moving_matrix @ tables.moving_frame[k], goal, target_matrix @ tables.target_frame[k],
+            tables.allowed_angles[k],
+        )  # fmt: skip
+        hand = geometry.quat_to_matrix(self._sensors["hand_quat"])
+        return Scene(
+            tip=self._sensors["tip_pos"],
+            approach=hand[:, :, 2],
+            closing=hand[:, :, 1],
+            part=moving[:, :3],
+            grasp_point=moving[:, :3] + _rotate(moving_matrix, tables.grasp_point[k]),
+            grasp_axis=_rotate(moving_matrix, tables.grasp_axis[k]),
+            grip_direction=tables.grip_direction[k],
+            moving_connector=connector,
+            target_connector=goal,
+            alignment=alignment,
+            touching=(self.touches() & tables.group[k]).any(-1).all(0),
+        )
+
+    def touches(self) -> Tensor:
+        """(2, N, parts) bool: which finger touches which part."""
+        return torch.stack([torch.cat(finger, dim=-1) for finger in self._touch]) > 0
+
+    def connect_ideally(self, subtask: int, mask: Tensor) -> None:
+        """Moves step `subtask`'s part to its ideal pose in the simulations of `mask`."""
+        target = self.part_poses[:, self.tables.target[subtask]]
+        ideal = self.tables.ideal_relative_pose(subtask)
+        pose = torch.cat(geometry.compose_pose(target[:, :3], target[:, 3:], ideal[:3], ideal[3:]), dim=-1)
+        self.part_poses[mask, self.tables.moving[subtask]] = pose[mask]
+
+    def _step_index(self, state: TensorDict) -> Tensor:
+        return state["subtask"].clamp_max(self.tables.num_steps - 1)
+
+    def _potentials(self, scene: Scene, state: TensorDict) -> Tensor:
+        return phase_reward.potentials(scene, state["start_tip"], state["lift_point"], self.tables.z_finedist)
+
+    def _wrong_connection(self, state: TensorDict, asks: Tensor) -> Tensor:
+        held = self.touches().all(0)
+        suspects = asks & held.any(-1)
+        if not bool(suspects.any()):
+            return torch.zeros_like(asks)
+        return suspects & self._wrong.made(self.part_poses, held, self._step_index(state))
+
+    def _reward(self, state: TensorDict, scene: Scene, action: Tensor, connected: Tensor) -> Tensor:
+        phase, grip = state["phase"], action[:, GRIPPER]
+        potential = self._potentials(scene, state)
+        carrying = phase >= 4
+        fall = (state["potential"] - potential).gather(-1, phase.unsqueeze(-1)).squeeze(-1)
+        lost = carrying & ~scene.touching & ~connected
+        difference = phase_reward.DIFFERENCE_SCALE * torch.where(lost, fall.clamp_max(0), fall)
+        difference = difference + 200.0 * (grip - state["grip_action"]) * (phase == 3)
+
+        met = phase_reward.conditions(
+            scene, state["start_tip"], state["lift_point"], self.tables.z_finedist, grip < 0, connected
+        )
+        done = met.gather(-1, phase.unsqueeze(-1)).squeeze(-1) | connected
+        paid = torch.where(connected, self._bonuses[-1], self._bonuses[phase]) * done
+        raised = (phase == 4) & ~state["half_paid"] & (scene.part[:, 2] > state["lift_point"][:, 2] - 0.09)
+        asking = 10.0 * (action[:, CONNECT] + 1) * ((phase == 7) & scene.alignment.aligned & ~connected)
+        bonus = paid + 0.5 * self._bonuses[4] * raised + asking - state["asked"] * connected
+
+        state["dropped"] = state["dropped"] | lost
+        moved = (scene.target_connector - state["start_target"]).norm(dim=-1)
+        every_step = (
+            -0.001 * action[:, : sawyer.NUM_JOINTS].norm(dim=-1)
+            + torch.where(phase <= 2, -grip, grip)
+            - 50.0 * moved
+            + phase_reward.grip_penalty(scene, phase)
+            - 20.0 * lost
+        )
+        state["half_paid"] = state["half_paid"] | raised
+        state["asked"] = state["asked"] + asking
+        state["potential"], state["grip_action"] = potential, grip.clone()
+        state["phase"] = (phase + (done & ~connected)).clamp_max(len(phase_reward.PHASES) - 1)
+        return difference + bonus + every_step
+
+    def _connect(self, state: TensorDict, mask: Tensor) -> None:
+        """Welds the parts where they met, sends the arm home, and begins the next subtask."""
+        for k in range(self.tables.num_steps):
+            rows = mask & (state["subtask"] == k)
+            if self.settings.snap:
+                self.connect_ideally(k, rows)
+            self.starts.weld(k, rows)
+        if self.settings.reset_robot:
+            self.starts.home_robot(mask)
+        self.physics.forward(mask)
+        state["subtask"] = state["subtask"] + mask
+        state["completed"] = state["completed"] + mask
+        self.begin_subtask(state, mask)
+
+
+_WHOLE = ("subtask", "phase", "step", "episode_step", "completed")
+_REAL = ("reward", "grip_action", "asked")
+_FLAGS = ("half_paid", "dropped", "success", "wrong", "failed", "disturbed")
+_POINTS = ("start_tip", "start_target", "lift_point")
+
+
+def _assign(state: TensorDict, fresh: TensorDict, mask: Tensor) -> None:
+    for name, value in fresh.items():
+        where = mask.reshape(-1, *[1] * (value.ndim - 1))
+        state[name] = torch.where(where, value, state[name])
+
+
+def _rotate(matrix: Tensor, vector: Tensor) -> Tensor:
+    return (matrix @ vector.unsqueeze(-1)).squeeze(-1)

@@ -1,0 +1,100 @@
+"""Where episodes begin: parts laid out with noise, earlier steps preassembled, the arm at home."""
+
+from __future__ import annotations
+
+import math
+
+import torch
+from torch import Tensor
+
+from tstar_envs import geometry
+from tstar_envs.physics.view import PhysicsView
+from tstar_envs.robots import sawyer
+from tstar_envs.settings import TaskSettings
+from tstar_envs.tasks.recipe_tables import RecipeTables
+
+_ROBOT_QPOS = sawyer.NUM_JOINTS + 2
+MIN_CLEARANCE = 0.0005
+"""A jittered preassembled part is held at least this far off its target, m: welded parts should not press."""
+
+
+class EpisodeStarts:
+    """Writes start states into a batch of simulations, drawing noise from a private generator."""
+
+    def __init__(
+        self, tables: RecipeTables, physics: PhysicsView, settings: TaskSettings, generator: torch.Generator
+    ):
+        self.tables, self.physics, self.settings, self.generator = tables, physics, settings, generator
+        home = torch.tensor([*sawyer.HOME_QPOS, *sawyer.FINGER_OPEN], dtype=torch.float64, device=physics.device)
+        self._home = home
+        self._ideal = [tables.ideal_relative_pose(k) for k in range(tables.num_steps)]
+
+    def place(self, mask: Tensor, subtask: int) -> None:
+        """Starts the simulations of `mask` at `subtask`, with the steps before it preassembled.
+
+        Every call draws noise for all N simulations, so a simulation's draws do not depend on the mask of others.
+        """
+        poses = self._part_poses(subtask)
+        poses[..., 2] += self.settings.drop_height
+        arm = self.settings.arm_noise * self._uniform(sawyer.NUM_JOINTS)
+        self.physics.clear(mask)
+        self.physics.qpos[mask, _ROBOT_QPOS:] = poses.flatten(1)[mask]
+        for k in range(subtask):
+            self.weld(k, mask)
+        self.home_robot(mask)
+        self.physics.settle(mask, self.settings.settle_steps)
+        self.home_robot(mask)
+        self.physics.qpos[mask, : sawyer.NUM_JOINTS] += arm[mask]
+        self.physics.forward(mask)
+
+    def home_robot(self, mask: Tensor) -> None:
+        """Puts the arm at its home pose, at rest, gripper open."""
+        self.physics.qpos[mask, :_ROBOT_QPOS] = self._home
+        self.physics.qvel[mask, :_ROBOT_QPOS] = 0.0
+        self.physics.ctrl[mask, : sawyer.NUM_JOINTS] = 0.0
+        self.physics.ctrl[mask, sawyer.NUM_JOINTS :] = self._home[sawyer.NUM_JOINTS :]
+
+    def weld(self, step: int, mask: Tensor) -> None:
+        """Activates the weld of `step` at the pose where its two parts are now."""
+        poses = self.physics.qpos[:, _ROBOT_QPOS:].unflatten(-1, (self.tables.num_parts, 7))
+        target, moving = poses[:, self.tables.target[step]], poses[:, self.tables.moving[step]]
+        pos, quat = geometry.relative_pose(target[:, :3], target[:, 3:], moving[:, :3], moving[:, 3:])
+        self.physics.eq_data[mask, step, 3:10] = torch.cat([pos, quat], dim=-1)[mask]
+        self.physics.eq_active[mask, step] = 1.0
+
+    def _part_poses(self, subtask: int) -> Tensor:
+        """Noisy part poses with the steps before `subtask` assembled, (N, parts, 7)."""
+        n, settings = self.physics.num_sims, self.settings
+        poses = self.tables.initial_pose.expand(n, -1, -1).clone()
+        noise = self._uniform(self.tables.num_parts, 3)
+        poses[..., :2] += settings.part_noise * noise[..., :2]
+        yaw = geometry.yaw_quat(math.radians(settings.part_noise_degrees) * noise[..., 2])
+        poses[..., 3:] = geometry.quat_mul(yaw, poses[..., 3:])
+        for k in range(subtask):
+            pos, quat = self._relative_pose(k)
+            target = poses[:, self.tables.target[k]]
+            pose = geometry.compose_pose(target[:, :3], target[:, 3:], pos, quat)
+            poses[:, self.tables.moving[k]] = torch.cat(pose, dim=-1)
+        return poses
+
+    def _relative_pose(self, step: int) -> tuple[Tensor, Tensor]:
+        """Pose of step's moving part in its target's frame, (N, 3) and (N, 4): ideal, or jittered about it."""
+        n, ideal = self.physics.num_sims, self._ideal[step]
+        pos, quat = ideal[:3].expand(n, 3), ideal[3:].expand(n, 4)
+        if self.settings.preassembled == "ideal":
+            return pos, quat
+        connector, goal = self.tables.moving_connector[step], self.tables.target_connector[step]
+        shift, axis = self._uniform(3), torch.nn.functional.normalize(self._uniform(3), dim=-1)
+        half = math.radians(self.settings.jitter_degrees) / 2 * self._uniform(1)
+        quat = geometry.quat_mul(torch.cat([half.cos(), axis * half.sin()], dim=-1), quat)
+        # The part comes from the side its body lies on: shift it back along the connectors' up axis only.
+        back = -1.0 if float(geometry.quat_rotate(connector[3:], connector.new_tensor([0.0, 0, 1])) @ connector[:3]) > 0 else 1.0
+        away = MIN_CLEARANCE + self.settings.jitter * shift[:, 2:].abs()
+        offset = torch.cat([self.settings.jitter * shift[:, :2], back * away], dim=-1)
+        point = goal[:3] + geometry.quat_rotate(goal[3:].expand(n, 4), offset)
+        return point - geometry.quat_rotate(quat, connector[:3].expand(n, 3)), quat
+
+    def _uniform(self, *shape: int) -> Tensor:
+        """(N, *shape) in [-1, 1)."""
+        draw = torch.rand(self.physics.num_sims, *shape, generator=self.generator, dtype=torch.float64)
+        return (2 * draw - 1).to(self.physics.device)

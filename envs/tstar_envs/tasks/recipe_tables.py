@@ -1,0 +1,67 @@
+"""The assembly recipe as tensors, one row per step, so that a batch of simulations can be at different steps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import torch
+from torch import Tensor
+
+from tstar_envs import geometry
+from tstar_envs.connection import padded
+from tstar_envs.furniture.schema import Furniture
+
+
+class RecipeTables:
+    """Rows (K, ...) of what each step needs, float64; index with the subtask of each simulation, (N,)."""
+
+    def __init__(self, furniture: Furniture, device: torch.device):
+        steps = range(len(furniture.steps))
+        connectors = [furniture.connectors_of(k) for k in steps]
+        grasps = [furniture.grasp_of(k) for k in steps]
+
+        def rows(values: Iterable[Sequence[float] | float]) -> Tensor:
+            return torch.tensor(list(values), dtype=torch.float64, device=device)
+
+        self.num_steps, self.num_parts = len(furniture.steps), len(furniture.parts)
+        self.moving = _part_indices(furniture, [step.moving_part for step in furniture.steps], device)
+        self.target = _part_indices(furniture, [step.target_part for step in furniture.steps], device)
+        self.moving_connector = rows([*moving.pos, *moving.quat] for moving, _ in connectors)
+        self.target_connector = rows([*target.pos, *target.quat] for _, target in connectors)
+        self.moving_frame = geometry.quat_to_matrix(self.moving_connector[:, 3:])
+        self.target_frame = geometry.quat_to_matrix(self.target_connector[:, 3:])
+        self.grasp_point = rows(grasp.point for grasp in grasps)
+        self.grasp_axis = rows(grasp.axis for grasp in grasps)
+        self.grip_direction = rows(step.grip_angle for step in furniture.steps)
+        self.waypoint = rows(step.waypoint for step in furniture.steps)
+        self.angle = rows(step.angle for step in furniture.steps)
+        self.allowed_angles = rows(padded(moving.allowed_angles for moving, _ in connectors))
+        self.z_finedist = furniture.z_finedist
+        self.group = _groups(self.moving, self.target, self.num_parts)
+        self.initial_pose = rows(part.initial_pose for part in furniture.parts)
+
+    def ideal_relative_pose(self, step: int) -> Tensor:
+        """Pose (7,) of the moving part in the target part's frame when step `step` is made exactly."""
+        turn = geometry.yaw_quat(self.angle[step])
+        frame_quat = geometry.quat_mul(self.target_connector[step, 3:], turn)
+        quat = geometry.quat_mul(frame_quat, geometry.quat_conj(self.moving_connector[step, 3:]))
+        pos = self.target_connector[step, :3] - geometry.quat_rotate(quat, self.moving_connector[step, :3])
+        return torch.cat([pos, quat])
+
+
+def _part_indices(furniture: Furniture, names: list[str], device: torch.device) -> Tensor:
+    return torch.tensor([furniture.part_index(name) for name in names], device=device)
+
+
+def _groups(moving: Tensor, target: Tensor, num_parts: int) -> Tensor:
+    """(K, num_parts): parts that move with step k's moving part, welded to it by the steps before k."""
+    groups = torch.zeros(len(moving), num_parts, dtype=torch.bool, device=moving.device)
+    for k in range(len(moving)):
+        members = {int(moving[k])}
+        for _ in range(k):
+            for j in range(k):
+                pair = {int(moving[j]), int(target[j])}
+                if pair & members:
+                    members |= pair
+        groups[k, list(members)] = True
+    return groups

@@ -1,0 +1,217 @@
+"""The furniture assembly tasks as a TorchRL environment: the one place where learning meets the world."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import torch
+from tensordict import TensorDict, TensorDictBase
+from torch import Tensor
+from torchrl.data import Binary, Bounded, Categorical, Composite, Unbounded
+from torchrl.envs import EnvBase
+
+from tstar_envs import geometry
+from tstar_envs.environment import BatchedEnvironment
+from tstar_envs.tasks.assembly import NUM_ACTIONS
+from tstar_envs.tasks.phase_reward import PHASES
+
+_DONE_KEYS = ("done", "terminated", "truncated")
+
+
+class FurnitureEnv(EnvBase):
+    """N simulations of an assembly task, batch size [N].
+
+    Reads `action` (N, 9) in [-1, 1] (clipped): seven joint velocities, gripper, connect. Writes `observation`
+    (N, 72), `subtask`, `phase`, `completed` (N, 1) int64, `success` (N, 1) bool, the done flags, and, as its reward
+    key, the unscaled `reward_env` (N, 1). With `snapshots=True` also `snapshot`, from which the simulations restart.
+    The success row of a subtask holds the state in which the next subtask begins.
+
+    `reset` accepts injected starts: `("start", "snapshot")`, batch [N], and `("start", "use")` (N, 1) bool.
+
+    Args:
+        task: furniture, e.g. `table_lack`.
+        num_envs: simulations N.
+        subtask: step of the recipe, 0-based; None runs the whole task, counting subtasks up in place.
+        nthread: threads that step the simulations (0: all cores); results are the same bits at any number.
+        device: `cpu`.
+        seed: of the private generator of start noise.
+        snapshots: write the snapshot of every step.
+        **settings: `tstar_envs.settings.TaskSettings` by name.
+
+    Raises:
+        ValueError: unknown furniture, subtask, device or setting; an action of another shape or with NaN.
+    """
+
+    batch_locked = True
+
+    def __init__(
+        self, task: str = "table_lack", num_envs: int = 1, subtask: int | None = None, nthread: int = 0,
+        device: str | torch.device = "cpu", seed: int | None = None, snapshots: bool = False, **settings: Any,
+    ):  # fmt: skip
+        if torch.device(device).type != "cpu":
+            raise ValueError(f"FurnitureEnv simulates on device 'cpu' only, got {str(device)!r}")
+        super().__init__(device=torch.device(device), batch_size=torch.Size([num_envs]))
+        self.world = BatchedEnvironment(task, num_envs, subtask, nthread, seed, settings)
+        self.snapshots = snapshots
+        self._make_specs()
+
+    @property
+    def task_name(self) -> str:
+        return self.world.name
+
+    @property
+    def num_envs(self) -> int:
+        return self.world.num_sims
+
+    @property
+    def subtask(self) -> int | None:
+        return self.world.subtask
+
+    @property
+    def num_subtasks(self) -> int:
+        return self.world.num_subtasks
+
+    @property
+    def max_steps(self) -> int:
+        """Control steps after which an episode is truncated."""
+        return self.world.max_steps
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """Plain values that build this environment again, less seed and number of simulations."""
+        return self.world.arguments
+
+    @property
+    def failures(self) -> int:
+        """Simulations that MuJoCo gave up on so far."""
+        return self.world.failures
+
+    def snapshot(self) -> TensorDict:
+        """State of every simulation, batch [N]; see `tstar_envs.environment`."""
+        return self.world.snapshot()
+
+    def restore(self, snapshot: TensorDictBase, mask: Tensor | None = None) -> None:
+        """Puts the simulations of `mask` (N,) into the states of `snapshot`, mid-episode."""
+        self.world.restore(snapshot, mask)
+
+    def qpos_of(self, snapshot: TensorDictBase) -> Tensor:
+        """Joint positions in snapshots of batch [n]: (n, nq) float64; free bodies as position and quaternion."""
+        return self.world.qpos_of(snapshot)
+
+    def with_qpos(self, snapshot: TensorDictBase, qpos: Tensor) -> tuple[TensorDict, Tensor]:
+        """Snapshots [n] at other joint positions (n, nq), at rest, and which of them are possible, (n,) bool."""
+        return self.world.with_qpos(snapshot, qpos)
+
+    def features(self, subtask: int) -> dict[str, Any]:
+        """What `networks.RelativeFeatures` needs to know of a subtask: part indices, connectors, grasp."""
+        tables = self.world.task.tables
+        axis = tables.grasp_axis[subtask].float()
+        return {
+            "moving_part": int(tables.moving[subtask]),
+            "target_part": int(tables.target[subtask]),
+            "moving_connector": tables.moving_connector[subtask].float(),
+            "target_connector": tables.target_connector[subtask].float(),
+            "grasp": torch.cat([tables.grasp_point[subtask].float(), _frame_with_x(axis)]),
+            "allowed_angles": tables.allowed_angles[subtask].float(),
+        }
+
+    def expert(self, noise: float = 0.0, generator: torch.Generator | None = None) -> Callable:
+        """The scripted assembly policy as a map of TensorDicts.
+
+        Writes `action` and the clean label `expert_action`. With `noise`, Gaussian noise of that standard deviation
+        is added to the seven arm components of `action`.
+        """
+        assembler = self.world.expert()
+        self.world.physics.forward()
+
+        def act(tensordict: TensorDictBase) -> TensorDictBase:
+            label = assembler.act(self.world.state).float()
+            action = label.clone()
+            action[:, :7] += noise * torch.randn(self.num_envs, 7, generator=generator)
+            return tensordict.set("expert_action", label).set("action", action.clamp(-1.0, 1.0))
+
+        return act
+
+    def state_dict(self, *args, **kwargs) -> dict[str, Any]:
+        """Generator and simulations: an environment loaded with it goes on bit for bit."""
+        return {"generator": self.world.generator.get_state(), "snapshot": self.snapshot(), "failures": self.failures}
+
+    def load_state_dict(self, state_dict: dict[str, Any], *args, **kwargs) -> None:
+        self.world.generator.set_state(state_dict["generator"])
+        self.world.restore(state_dict["snapshot"])
+        self.world.failures = int(state_dict["failures"])
+
+    def _make_specs(self) -> None:
+        shape = self.batch_size
+        one = torch.Size([*shape, 1])
+        observation = {
+            "observation": Unbounded(torch.Size([*shape, self.world.num_observations])),
+            "subtask": Categorical(self.num_subtasks + 1, one, dtype=torch.int64),
+            "phase": Categorical(len(PHASES), one, dtype=torch.int64),
+            "completed": Categorical(self.num_subtasks + 1, one, dtype=torch.int64),
+            "success": Binary(1, one, dtype=torch.bool),
+        }
+        if self.snapshots:
+            observation["snapshot"] = _spec_of(self.snapshot())
+        self.observation_spec = Composite(observation, shape=shape)
+        self.action_spec = Bounded(-1.0, 1.0, torch.Size([*shape, NUM_ACTIONS]), dtype=torch.float32)
+        self.reward_spec = Composite({"reward_env": Unbounded(one)}, shape=shape)
+        self.done_spec = Composite({name: Binary(1, one, dtype=torch.bool) for name in _DONE_KEYS}, shape=shape)
+
+    def _reset(self, tensordict: TensorDictBase | None = None, **kwargs) -> TensorDictBase:
+        mask = torch.ones(self.num_envs, dtype=torch.bool)
+        if tensordict is not None and "_reset" in tensordict.keys():
+            mask = tensordict["_reset"].reshape(self.num_envs)
+        injected = torch.zeros_like(mask)
+        if tensordict is not None and ("start", "use") in tensordict.keys(True):
+            injected = mask & tensordict["start", "use"].reshape(self.num_envs)
+        if bool((mask & ~injected).any()):
+            self.world.reset(mask & ~injected)
+        if bool(injected.any()):
+            self.world.reset_to(tensordict["start", "snapshot"], injected)
+        out = self._observe()
+        return out.update({name: torch.zeros(self.num_envs, 1, dtype=torch.bool) for name in _DONE_KEYS})
+
+    def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
+        self.world.step(tensordict["action"])
+        terminated, truncated = self.world.task.get_termination(self.world.state)
+        out = self._observe()
+        out.set("reward_env", self.world.task.get_reward(self.world.state).float().unsqueeze(-1))
+        out.set("terminated", terminated.unsqueeze(-1))
+        out.set("truncated", truncated.unsqueeze(-1))
+        return out.set("done", (terminated | truncated).unsqueeze(-1))
+
+    def _observe(self) -> TensorDict:
+        state = self.world.state
+        out = {name: state[name].unsqueeze(-1) for name in ("subtask", "phase", "completed", "success")}
+        out["observation"] = self.world.observation().float()
+        if self.snapshots:
+            out["snapshot"] = self.snapshot()
+        return TensorDict(out, self.batch_size)
+
+    def _set_seed(self, seed: int | None) -> None:
+        self.world.seed(seed)
+
+
+def _spec_of(tensordict: TensorDictBase) -> Composite:
+    leaves = {
+        name: _spec_of(value) if isinstance(value, TensorDictBase) else _leaf_spec(value)
+        for name, value in tensordict.items()
+    }
+    return Composite(leaves, shape=tensordict.batch_size)
+
+
+def _leaf_spec(value: Tensor) -> Any:
+    if value.dtype == torch.bool:
+        return Binary(value.shape[-1], value.shape, dtype=torch.bool)
+    return Unbounded(value.shape, dtype=value.dtype)
+
+
+def _frame_with_x(axis: Tensor) -> Tensor:
+    """Quaternion (4,) of the least turn that takes the x axis to the unit vector `axis` (3,)."""
+    x = axis.new_tensor([1.0, 0.0, 0.0])
+    cosine = torch.dot(x, axis)
+    if float(cosine) < -0.999999:
+        return geometry.yaw_quat(axis.new_tensor(torch.pi))
+    return torch.nn.functional.normalize(torch.cat([(1 + cosine).reshape(1), torch.linalg.cross(x, axis)]), dim=-1)
