@@ -51,7 +51,7 @@ class StateSet:
 
     def all(self) -> TensorDictBase:
         """Every state, batch size [len(self)], in the order of the ring's slots."""
-        return self.buffer[:] if len(self) else TensorDict(batch_size=[0])
+        return self.buffer[:].clone() if len(self) else TensorDict(batch_size=[0])
 
     def sample(self, n: int, generator: torch.Generator) -> TensorDictBase:
         """n states drawn uniformly with replacement, batch size [n]; [0] from an empty set."""
@@ -108,11 +108,16 @@ class StateSet:
         self.load_state_dict({**state, "rows": rows})
 
 
+def _dotted(key: Any) -> str:
+    return key if isinstance(key, str) else ".".join(key)
+
+
 def _successes(rollout: TensorDictBase, *keys: Any) -> TensorDictBase:
     """The rows of a rollout of any shape that ended in success, with a KeyError for what a set needs."""
     for key in (("next", "success"), *keys):
         if rollout.get(key, None) is None:
-            raise KeyError(f"the rollout has no {key!r}; it has {sorted(map(str, rollout.keys(True)))}")
+            there = ", ".join(sorted(_dotted(key) for key in rollout.keys(True)))
+            raise KeyError(f"the rollout has no {_dotted(key)}; it has {there}")
     return rollout.select(("next", "success"), *keys)[rollout["next", "success"].squeeze(-1)]
 
 

@@ -67,10 +67,7 @@ class SkillChainReset(Transform):
         self.draws["environment"] += int(rows.sum()) - count
         drawn = drawn.get("snapshot", drawn)
         row_of = (use.cumsum(0) - 1).clamp_min(0)  # rows that do not use theirs get a copy of another's
-        return TensorDict(
-            {"snapshot": drawn[row_of.to(drawn.device)], "use": use.unsqueeze(-1)},
-            [len(rows)],
-        )
+        return TensorDict({"snapshot": drawn[row_of.to(drawn.device)], "use": use.unsqueeze(-1)}, [len(rows)])
 
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
         """Not supported.

@@ -52,11 +52,7 @@ class TerminalStateReward(RewardTransform):
     successes: Tensor
 
     def __init__(
-        self,
-        d_omega: nn.Module,
-        score: str = "terminal",
-        baseline: str = "none",
-        momentum: float = 0.01,
+        self, d_omega: nn.Module, score: str = "terminal", baseline: str = "none", momentum: float = 0.01
     ) -> None:
         if score not in ("terminal", "before"):
             raise ValueError(f"score must be 'terminal' or 'before', got {score!r}")

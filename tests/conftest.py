@@ -1,0 +1,117 @@
+"""An environment of torch alone with the keys of `FurnitureEnv`, for tests of the learning side."""
+
+import pytest
+import torch
+from tensordict import TensorDict
+from torchrl.data import Bounded, Categorical, Composite, Unbounded
+from torchrl.envs import EnvBase
+
+
+class PointEnv(EnvBase):
+    """A point on a line: action 0 moves it, past 1 is a success, below -1 a failure.
+
+    Observation 0 is the position, 1 the steps taken; the other seventy are zero. Snapshots hold them. An episode is
+    truncated after `max_steps`. Starts injected at ("start", "snapshot") are used where ("start", "use").
+    """
+
+    num_subtasks = 2
+
+    def __init__(self, num_envs: int = 3, snapshots: bool = True, max_steps: int = 8, seed: int = 0) -> None:
+        super().__init__(batch_size=[num_envs])
+        self.snapshots, self.max_steps = snapshots, max_steps
+        self.generator = torch.Generator().manual_seed(seed)
+        n = num_envs
+        snapshot = Composite(
+            physics=Unbounded((n, 4), dtype=torch.float64),
+            welds=Unbounded((n, 2, 11), dtype=torch.float64),
+            task=Composite(steps=Unbounded((n,), dtype=torch.int64), shape=[n]),
+            shape=[n],
+        )
+        self.observation_spec = Composite(
+            observation=Unbounded((n, 72)),
+            subtask=Unbounded((n, 1), dtype=torch.int64),
+            phase=Unbounded((n, 1), dtype=torch.int64),
+            success=Categorical(2, (n, 1), dtype=torch.bool),
+            completed=Unbounded((n, 1), dtype=torch.int64),
+            **({"snapshot": snapshot} if snapshots else {}),
+            shape=[n],
+        )
+        self.action_spec = Bounded(-1, 1, (n, 9))
+        self.reward_spec = Composite(reward_env=Unbounded((n, 1)), shape=[n])
+        flag = Categorical(2, (n, 1), dtype=torch.bool)
+        self.done_spec = Composite(
+            done=flag.clone(), terminated=flag.clone(), truncated=flag.clone(), shape=[n]
+        )
+        self.physics = torch.zeros(n, 4, dtype=torch.float64)
+        self.steps = torch.zeros(n, dtype=torch.int64)
+
+    def _set_seed(self, seed: int | None) -> None:
+        self.generator.manual_seed(seed or 0)
+
+    def snapshot(self) -> TensorDict:
+        n = self.batch_size[0]
+        welds = torch.zeros(n, 2, 11, dtype=torch.float64)
+        task = TensorDict({"steps": self.steps.clone()}, [n])
+        return TensorDict({"physics": self.physics.clone(), "welds": welds, "task": task}, [n])
+
+    def qpos_of(self, snapshot: TensorDict) -> torch.Tensor:
+        return snapshot["physics"][:, :2]
+
+    def with_qpos(self, snapshot: TensorDict, qpos: torch.Tensor) -> tuple[TensorDict, torch.Tensor]:
+        snapshot = snapshot.clone()
+        snapshot["physics"][:, :2] = qpos
+        return snapshot, qpos[:, 0] < 1.5
+
+    def _out(self, success: torch.Tensor, terminated: torch.Tensor, truncated: torch.Tensor) -> TensorDict:
+        n = self.batch_size[0]
+        obs = torch.zeros(n, 72)
+        obs[:, 0], obs[:, 1] = self.physics[:, 0].float(), self.steps.float()
+        zero = torch.zeros(n, 1, dtype=torch.int64)
+        out = TensorDict({"observation": obs, "subtask": zero, "phase": zero.clone()}, [n])
+        out["success"], out["completed"] = success.unsqueeze(-1), success.unsqueeze(-1).long()
+        out["terminated"], out["truncated"] = terminated.unsqueeze(-1), truncated.unsqueeze(-1)
+        out["done"] = out["terminated"] | out["truncated"]
+        if self.snapshots:
+            out["snapshot"] = self.snapshot()
+        return out
+
+    def _reset(self, tensordict: TensorDict | None = None, **kwargs) -> TensorDict:
+        rows = torch.ones(self.batch_size, dtype=torch.bool)
+        if tensordict is not None and tensordict.get("_reset", None) is not None:
+            rows = tensordict["_reset"].reshape(-1)
+        own = 0.2 * torch.rand(self.batch_size, generator=self.generator, dtype=torch.float64)
+        self.physics[rows] = torch.zeros(4, dtype=torch.float64)
+        self.physics[rows, 0] = own[rows]
+        self.steps[rows] = 0
+        start = None if tensordict is None else tensordict.get("start", None)
+        if start is not None:
+            use = rows & start["use"].squeeze(-1)
+            self.physics[use] = start["snapshot", "physics"][use]
+        no = torch.zeros(self.batch_size, dtype=torch.bool)
+        return self._out(no, no, no)
+
+    def _step(self, tensordict: TensorDict) -> TensorDict:
+        move = tensordict["action"][:, 0].clamp(-1, 1).double()
+        self.physics[:, 0] += 0.5 * move
+        self.steps += 1
+        success, failure = self.physics[:, 0] > 1, self.physics[:, 0] < -1
+        out = self._out(success, success | failure, self.steps >= self.max_steps)
+        out["reward_env"] = move.float().unsqueeze(-1) + 10.0 * out["success"]
+        return out
+
+
+@pytest.fixture
+def make_env():
+    """Makes a `PointEnv`."""
+    return PointEnv
+
+
+def forward_policy(tensordict: TensorDict) -> TensorDict:
+    """Moves 0.4 forward a step: succeeds in two or three steps from the environment's own starts."""
+    return tensordict.set("action", torch.full((*tensordict.batch_size, 9), 0.8))
+
+
+@pytest.fixture
+def policy():
+    """A policy that succeeds in two or three steps."""
+    return forward_policy

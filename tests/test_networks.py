@@ -1,0 +1,235 @@
+"""Networks: shapes, exploration, and the relative features on poses worked by hand."""
+
+import math
+
+import pytest
+import torch
+from tensordict import TensorDict
+from torch.testing import assert_close
+from torchrl.envs.utils import ExplorationType, set_exploration_type
+from torchrl.objectives import ClipPPOLoss
+
+from tstar_rl import networks
+from tstar_rl.networks import Normalizer, RelativeFeatures
+
+HALF = math.sqrt(0.5)
+IDENTITY = [1.0, 0.0, 0.0, 0.0]
+TURN_Z = [HALF, 0.0, 0.0, HALF]  # 90 degrees: x -> y, y -> -x
+TURN_X = [HALF, HALF, 0.0, 0.0]  # 90 degrees: y -> z, z -> -y
+
+
+def about_z(degrees: float) -> list[float]:
+    half = math.radians(degrees) / 2
+    return [math.cos(half), 0.0, 0.0, math.sin(half)]
+
+
+def description(**changes) -> dict:
+    entries = {
+        "moving_part": 1,
+        "target_part": 4,
+        "moving_connector": torch.tensor([0.0, 0.0, 0.1, *IDENTITY]),
+        "target_connector": torch.tensor([0.3, 0.0, 0.0, *IDENTITY]),
+        "grasp": torch.tensor([0.02, 0.0, 0.0, *IDENTITY]),
+        "allowed_angles": torch.tensor([0.0]),
+    }
+    return {**entries, **changes}
+
+
+def observation(
+    grip=(0, 0, 0),
+    hand=IDENTITY,
+    moving=(0, 0, 0),
+    moving_quat=IDENTITY,
+    target=(0, 0, 0),
+    target_quat=IDENTITY,
+):
+    obs = torch.zeros(72)
+    obs[29:64].view(5, 7)[:, 3] = 1.0
+    obs[16:19], obs[19:23] = torch.tensor(grip), torch.tensor(hand)
+    obs[36:43] = torch.tensor([*moving, *moving_quat])  # part 1
+    obs[57:64] = torch.tensor([*target, *target_quat])  # part 4
+    return obs
+
+
+def features_of(obs, **changes):
+    return RelativeFeatures(description(**changes))(obs)
+
+
+def test_errors_in_the_world_and_in_the_local_frames():
+    # Moving part at (1, 0, 0), turned 90 degrees about z: its grasp point (0.02, 0, 0) is at (1, 0.02, 0), and the
+    # grip at (1.01, 0.05, 0.02) is (0.01, 0.03, 0.02) from it. In the grasp frame (x is world y, y is world -x) that is
+    # (0.03, -0.01, 0.02). Its connector (0, 0, 0.1) is at (1, 0, 0.1). The target part, at (0.9, 0, 0) and turned 90
+    # degrees about x, has its connector (0.3, 0, 0) at (1.2, 0, 0): the error is (-0.2, 0, 0.1), and in the target's
+    # frame (y is world z, z is world -y) it is (-0.2, 0.1, 0).
+    out = features_of(
+        observation(
+            grip=(1.01, 0.05, 0.02),
+            moving=(1, 0, 0),
+            moving_quat=TURN_Z,
+            target=(0.9, 0, 0),
+            target_quat=TURN_X,
+        )
+    )
+    errors = torch.tensor([0.01, 0.03, 0.02, -0.2, 0.0, 0.1, 0.03, -0.01, 0.02, -0.2, 0.1, 0.0])
+    assert_close(out[20:32], errors / 0.25, atol=1e-5, rtol=0)
+    assert_close(out[32:44], (errors / 0.05).tanh(), atol=1e-5, rtol=0)
+    assert_close(out[44:56], (errors / 0.01).tanh(), atol=1e-4, rtol=0)
+
+
+def test_cosines_of_the_axes():
+    # The hand is turned 90 degrees about z and the moving part is not: columns are the hand's axes in the grasp frame.
+    # The target is turned 90 degrees about x: in its frame the moving x is x, y is (0, 0, -1), z is (0, 1, 0).
+    out = features_of(observation(hand=TURN_Z, target_quat=TURN_X))
+    hand = torch.tensor([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    connector = torch.tensor([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+    assert_close(out[:18], torch.cat((hand.flatten(), connector.flatten())), atol=1e-6, rtol=0)
+
+
+def test_frames_inside_the_parts_count():
+    # Grasp and connectors are turned in their parts just as the hand and the target are: every error is gone.
+    out = features_of(
+        observation(
+            grip=(0, 0.02, 0), hand=TURN_Z, moving_quat=TURN_Z, target=(-0.3, 0, 0.1), target_quat=IDENTITY
+        ),
+        grasp=torch.tensor([0.02, 0, 0, *IDENTITY]),
+        target_connector=torch.tensor([0.3, 0, 0, *TURN_Z]),
+    )
+    eye = torch.eye(3).flatten()
+    assert_close(out[:18], torch.cat((eye, eye)), atol=1e-6, rtol=0)
+    assert_close(out[18:20], torch.tensor([1.0, 0.0]), atol=1e-6, rtol=0)
+    assert_close(out[20:80], torch.zeros(60), atol=2e-5, rtol=0)
+
+
+@pytest.mark.parametrize(
+    ("degrees", "allowed", "remaining"),
+    [
+        (10, [0], -10),
+        (-10, [0], 10),
+        (100, [0, 90, 180, 270], -10),
+        (260, [0, 90, 180, 270], 10),
+        (100, [0], -100),
+    ],
+)
+def test_turn_to_the_nearest_allowed_angle(degrees, allowed, remaining):
+    # A part turned by `degrees` about up needs `remaining` about up to come to the nearest allowed angle.
+    out = features_of(
+        observation(moving_quat=about_z(degrees)), allowed_angles=torch.tensor(allowed) * math.pi / 180
+    )
+    turn = math.radians(remaining)
+    assert_close(out[18:20], torch.tensor([math.cos(turn), math.sin(turn)]), atol=1e-6, rtol=0)
+
+
+def test_applying_the_remaining_turns_aligns():
+    # The hand is 20 degrees about z off the grasp; the connector leans 10 degrees about world x off the target's up.
+    lean = math.radians(10)
+    leaning = [math.cos(lean / 2), math.sin(lean / 2), 0.0, 0.0]
+    hand = [math.cos(lean / 2), math.sin(lean / 2), 0.0, 0.0]
+    out = features_of(
+        observation(hand=hand, target_quat=about_z(90)), allowed_angles=torch.tensor([math.pi / 2])
+    )
+    # hand: must turn -10 degrees about x; connector: forward differs by an allowed 90 degrees, so nothing remains
+    assert_close(out[56:62], torch.tensor([-math.sin(lean), 0, 0, 0, 0, 0]), atol=1e-6, rtol=0)
+    out = features_of(observation(hand=leaning, moving_quat=leaning, target_quat=about_z(90)))
+    # In the target's frame (x is world y, y is world -x) the world's -x is +y.
+    sine = math.sin(lean)
+    assert_close(out[59:61], torch.tensor([-sine, 0.0]), atol=1e-6, rtol=0)
+    assert_close(out[65:67], torch.tensor([0.0, sine]), atol=1e-6, rtol=0)
+    assert_close(out[68:80], (out[56:68] / 0.1).tanh())
+
+
+def test_features_match_quaternion_algebra_on_random_poses():
+    def rotate(q, v):
+        w, u = q[..., :1], q[..., 1:]
+        return v + 2 * torch.linalg.cross(u, torch.linalg.cross(u, v) + w * v)
+
+    generator = torch.Generator().manual_seed(0)
+    obs = torch.randn(4, 5, 72, generator=generator)
+    for start in (19, 39, 60):
+        obs[..., start : start + 4] /= obs[..., start : start + 4].norm(dim=-1, keepdim=True)
+    pos, quat = torch.randn(2, 3, generator=generator), torch.randn(2, 4, generator=generator)
+    quat = quat / quat.norm(dim=-1, keepdim=True)
+    entries = description(
+        moving_connector=torch.cat((pos[0], quat[0])), target_connector=torch.cat((pos[1], quat[1]))
+    )
+    out = RelativeFeatures(entries)(obs)
+    moving = obs[..., 36:39] + rotate(obs[..., 39:43], pos[0].expand(4, 5, 3))
+    target = obs[..., 57:60] + rotate(obs[..., 60:64], pos[1].expand(4, 5, 3))
+    assert_close(out[..., 23:26] * 0.25, moving - target, atol=1e-5, rtol=1e-5)
+    axis = torch.eye(3)[2].expand(4, 5, 3)
+    up_moving = rotate(obs[..., 39:43], rotate(quat[0].expand(4, 5, 4), axis))
+    up_target = rotate(obs[..., 60:64], rotate(quat[1].expand(4, 5, 4), axis))
+    assert_close(out[..., 17], (up_moving * up_target).sum(-1), atol=1e-5, rtol=1e-5)
+    # what remains to align the up axes, in the world, up to a turn about the target's up axis
+    cross = torch.linalg.cross(up_moving, up_target)
+    rest = out[..., 59:62] - cross
+    assert_close(torch.linalg.cross(rest, up_target), torch.zeros(4, 5, 3), atol=1e-5, rtol=0)
+
+
+def test_a_millimetre_is_seen():
+    near = features_of(observation(moving=(0.3, 0, -0.1)))
+    off = features_of(observation(moving=(0.301, 0, -0.1)))
+    assert (off - near).abs().max() > 0.09
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [({"grasp": torch.zeros(3)}, r"'grasp'.*\(7,\), got \(3,\)"), ({"grasp": None}, "lacks grasp")],
+)
+def test_wrong_features_are_named(changes, message):
+    entries = {k: v for k, v in description(**changes).items() if v is not None}
+    with pytest.raises(ValueError, match=message):
+        RelativeFeatures(entries)
+
+
+def test_normalizer_fits_floors_and_clips():
+    normalizer = Normalizer(2)
+    normalizer.fit(torch.tensor([[0.0, 5.0], [4.0, 5.0]]))  # deviations 2 and 0, the latter floored at 0.02
+    out = normalizer(torch.tensor([[4.0, 5.01], [2.0, 6.0]]))
+    assert_close(out, torch.tensor([[1.0, 0.5], [0.0, 10.0]]), atol=1e-4, rtol=0)
+
+
+def test_running_statistics_equal_those_of_all_rows():
+    rows = torch.randn(60, 3, generator=torch.Generator().manual_seed(1)) * 3 + 1
+    running, whole = Normalizer(3), Normalizer(3)
+    for part in rows.split([10, 1, 49]):
+        running.update(part)
+    whole.fit(rows)
+    for name in ("loc", "scale", "var", "count"):
+        assert_close(getattr(running, name), getattr(whole, name))
+
+
+@pytest.mark.parametrize("std", ["state", "fixed"])
+def test_policy_samples_and_is_deterministic_when_asked(std):
+    features = RelativeFeatures(description())
+    policy = networks.make_policy(std=std, action_std=0.2, normalizer=Normalizer(), features=features)
+    batch = TensorDict({"observation": torch.randn(500, 72)}, [500])
+    out = policy(batch.clone())
+    assert_close((out["action"] - out["loc"]).std(), torch.tensor(0.2), atol=0.03, rtol=0)
+    assert_close(out["action_log_prob"], policy.get_dist(out).log_prob(out["action"]))
+    with set_exploration_type(ExplorationType.DETERMINISTIC):
+        out = policy(batch.clone())
+    assert_close(out["action"], out["loc"])
+    assert out["loc"].abs().max() <= 1
+
+
+def test_action_std_is_set_in_place_where_a_loss_sees_it():
+    policy = networks.make_policy(std="fixed", action_std=[0.1] * 9)
+    loss = ClipPPOLoss(policy, networks.make_value())
+    batch = policy(TensorDict({"observation": torch.randn(16, 72)}, [16])).detach()
+    batch.update({"advantage": torch.ones(16, 1), "value_target": torch.zeros(16, 1)})
+    kept = batch["scale"].clone()
+    assert_close(loss(batch)["kl_approx"], torch.tensor(0.0), atol=1e-5, rtol=0)
+    networks.set_action_std(policy, 0.3)
+    assert loss(batch)["kl_approx"].abs() > 0.5
+    assert_close(networks.action_std(policy), torch.full((9,), 0.3))
+    assert_close(batch["scale"], kept)
+    with pytest.raises(ValueError, match="one positive number or 9"):
+        networks.set_action_std(policy, [0.1, 0.2])
+    with pytest.raises(ValueError, match="std='state'"):
+        networks.set_action_std(networks.make_policy(), 0.1)
+
+
+def test_value_and_discriminator_shapes():
+    batch = TensorDict({"observation": torch.randn(4, 5, 72)}, [4, 5])
+    assert networks.make_value()(batch)["state_value"].shape == (4, 5, 1)
+    assert networks.make_discriminator(normalizer=Normalizer())(batch["observation"]).shape == (4, 5, 1)

@@ -1,0 +1,162 @@
+"""State sets grow from successes, sample from their generator, and survive saving."""
+
+import pytest
+import torch
+from tensordict import TensorDict, assert_close
+from torchrl.envs import TransformedEnv
+
+from tstar_rl.state_sets import InitiationSet, StateSet, TerminalGaussian, TerminationSet
+from tstar_rl.transforms import EpisodeStart, SkillChainReset
+
+
+def seeded(seed: int = 0) -> torch.Generator:
+    return torch.Generator().manual_seed(seed)
+
+
+def rows(*values: float) -> TensorDict:
+    return TensorDict({"observation": torch.tensor(values).unsqueeze(-1)}, [len(values)])
+
+
+@pytest.fixture
+def rollout(make_env, policy):
+    return TransformedEnv(make_env(), EpisodeStart()).rollout(8, policy, break_when_any_done=False)
+
+
+def termination_set(positions: torch.Tensor) -> TerminationSet:
+    """Of two numbers a state; the first is the position."""
+    n = len(positions)
+    physics = torch.zeros(n, 4, dtype=torch.float64)
+    physics[:, :2] = positions
+    task = TensorDict({"steps": torch.zeros(n, dtype=torch.int64)}, [n])
+    snapshot = TensorDict(
+        {"physics": physics, "welds": torch.zeros(n, 2, 11, dtype=torch.float64), "task": task}, [n]
+    )
+    states = TerminationSet(1000)
+    states.extend(TensorDict({"observation": torch.zeros(n, 72), "snapshot": snapshot}, [n]))
+    return states
+
+
+def test_the_ring_keeps_the_newest():
+    states = StateSet(capacity=3)
+    assert states.extend(rows(1, 2)) == 2 and states.extend(rows(3, 4)) == 2
+    assert len(states) == 3 and states.added == 4
+    assert sorted(states.all()["observation"].flatten().tolist()) == [2, 3, 4]
+    states.extend(rows(5, 6, 7, 8))
+    assert sorted(states.all()["observation"].flatten().tolist()) == [6, 7, 8]
+
+
+def test_sampling_follows_the_generator():
+    states = StateSet(10)
+    states.extend(rows(*range(10)))
+    assert_close(states.sample(20, seeded()), states.sample(20, seeded()))
+    assert states.sample(20, seeded()).batch_size == (20,)
+    drawn = states.sample(1000, seeded())["observation"]
+    assert set(drawn.flatten().tolist()) == set(range(10))
+    assert StateSet(10).sample(5, seeded()).batch_size == (0,)
+
+
+def test_sets_grow_from_the_successes_of_a_rollout(rollout):
+    success = rollout["next", "success"].squeeze(-1)
+    initiation, termination = InitiationSet(100), TerminationSet(100)
+    count = int(success.sum())
+    assert count > 0 and initiation.extend_from(rollout) == count == termination.extend_from(rollout)
+    s_0, s_T = initiation.all()["observation"], termination.all()
+    assert (s_0[:, 0] < 0.2).all() and (s_0[:, 1] == 0).all()
+    assert (s_T["observation"][:, 0] > 1).all()
+    torch.testing.assert_close(s_T["snapshot", "physics"][:, 0].float(), s_T["observation"][:, 0])
+    failures = rollout[~success]
+    assert initiation.extend_from(failures) == 0 and len(initiation) == count
+
+
+def test_a_rollout_without_what_a_set_needs_is_named(make_env, policy):
+    bare = make_env(snapshots=False).rollout(3, policy, break_when_any_done=False)
+    with pytest.raises(KeyError, match="has no start_observation; it has action, "):
+        InitiationSet().extend_from(bare)
+    with pytest.raises(KeyError, match=r"has no next\.snapshot; "):
+        TerminationSet().extend_from(bare)
+
+
+@pytest.mark.parametrize("way", ["state_dict", "save"])
+def test_a_loaded_set_goes_on_like_the_first(way, rollout, tmp_path):
+    first, second = TerminationSet(5), TerminationSet(5)
+    first.extend_from(rollout)
+    first.extend_from(rollout[:1])
+    if way == "state_dict":
+        state = first.state_dict()
+        first.extend_from(rollout[1:2])  # what was taken must not change with the set
+        second.load_state_dict(state)
+        second.extend_from(rollout[1:2])
+    else:
+        first.save(tmp_path / "set")
+        first.save(tmp_path / "set")
+        second.load(tmp_path / "set")
+    for states in (first, second):
+        states.extend_from(rollout[2:])
+    assert first.added == second.added
+    assert_close(first.all(), second.all())
+    assert_close(first.sample(9, seeded()), second.sample(9, seeded()))
+    assert not [file for file in tmp_path.rglob("*") if file.suffix in (".pkl", ".pt", ".pickle")]
+
+
+def test_an_empty_set_survives_saving(tmp_path):
+    StateSet(5).save(tmp_path / "set")
+    states = StateSet(5)
+    states.extend(rows(1))
+    states.load(tmp_path / "set")
+    assert len(states) == 0
+
+
+def test_loading_mistakes_are_named(tmp_path):
+    with pytest.raises(FileNotFoundError, match="no saved InitiationSet"):
+        InitiationSet().load(tmp_path / "nothing")
+    big = StateSet(4)
+    big.extend(rows(1, 2, 3))
+    with pytest.raises(ValueError, match="has 3 states, but this one's capacity is 2"):
+        StateSet(2).load_state_dict(big.state_dict())
+    with pytest.raises(ValueError, match="at least 1, got 0"):
+        StateSet(0)
+
+
+def test_gaussian_has_the_sets_moments(make_env):
+    # Two numbers that move together: mean (0.5, -1), variances 0.01 and 0.04, correlation 1.
+    noise = torch.randn(900, 1, generator=seeded(), dtype=torch.float64)
+    states = termination_set(torch.tensor([[0.5, -1.0]]) + noise * torch.tensor([[0.1, 0.2]]))
+    gaussian = TerminalGaussian(make_env(), states)
+    drawn = gaussian.sample(4000, seeded(1))["physics"][:, :2]
+    torch.testing.assert_close(drawn.mean(0), torch.tensor([0.5, -1.0]).double(), atol=0.02, rtol=0)
+    covariance = torch.tensor([[0.01, 0.02], [0.02, 0.04]]).double()
+    torch.testing.assert_close(drawn.T.cov(), covariance, atol=0.004, rtol=0)
+    assert gaussian.counts == {"drawn": 4000, "refused": 0, "given_up": 0}
+    assert_close(gaussian.sample(3, seeded(2)), gaussian.sample(3, seeded(2)))
+
+
+def test_refused_draws_are_drawn_again_and_counted(make_env):
+    # The environment refuses positions from 1.5 on: half of the draws around 1.5.
+    noise = torch.randn(900, 2, generator=seeded(), dtype=torch.float64)
+    states = termination_set(torch.tensor([[1.5, 0.0]]) + 0.1 * noise)
+    gaussian = TerminalGaussian(make_env(), states, tries=30)
+    drawn = gaussian.sample(400, seeded(1))
+    assert drawn.batch_size == (400,) and (drawn["physics"][:, 0] < 1.5).all()
+    assert gaussian.counts["given_up"] == 0 and 250 < gaussian.counts["refused"] < 600
+    assert gaussian.counts["drawn"] == 400 + gaussian.counts["refused"]
+    hopeless = TerminalGaussian(make_env(), termination_set(torch.full((3, 2), 9.0)), tries=2)
+    assert (hopeless.sample(4, seeded())["physics"][:, 0] == 9).all()  # members of the set stand in
+    assert hopeless.counts == {"drawn": 8, "refused": 8, "given_up": 4}
+
+
+def test_gaussian_follows_its_set_and_is_empty_with_it(make_env):
+    states = TerminationSet(100)
+    gaussian = TerminalGaussian(make_env(), states)
+    assert gaussian.sample(3, seeded()).batch_size == (0,)
+    states.extend(termination_set(torch.zeros(5, 2)).all())
+    assert (gaussian.sample(3, seeded())["physics"] == 0).all()
+    states.extend(termination_set(torch.ones(5, 2)).all())
+    assert gaussian.sample(3, seeded())["physics"].any()
+
+
+@pytest.mark.parametrize("kind", ["set", "gaussian"])
+def test_sets_serve_as_starts_of_the_next_skill(kind, make_env):
+    states = termination_set(torch.full((4, 2), 0.7))
+    starts = states if kind == "set" else TerminalGaussian(make_env(), states)
+    env = TransformedEnv(make_env(), SkillChainReset(starts, probability=1.0))
+    torch.testing.assert_close(env.reset()["observation"][:, 0], torch.full((3,), 0.7))
