@@ -97,7 +97,8 @@ def test_frames_inside_the_parts_count():
     eye = torch.eye(3).flatten()
     assert_close(out[:18], torch.cat((eye, eye)), atol=1e-6, rtol=0)
     assert_close(out[18:20], torch.tensor([1.0, 0.0]), atol=1e-6, rtol=0)
-    assert_close(out[20:80], torch.zeros(60), atol=2e-5, rtol=0)
+    assert_close(out[20:56], torch.zeros(36), atol=2e-5, rtol=0)
+    assert_close(out[59:65], torch.zeros(6), atol=2e-5, rtol=0)
 
 
 @pytest.mark.parametrize(
@@ -119,22 +120,26 @@ def test_turn_to_the_nearest_allowed_angle(degrees, allowed, remaining):
     assert_close(out[18:20], torch.tensor([math.cos(turn), math.sin(turn)]), atol=1e-6, rtol=0)
 
 
-def test_applying_the_remaining_turns_aligns():
-    # The hand is 20 degrees about z off the grasp; the connector leans 10 degrees about world x off the target's up.
-    lean = math.radians(10)
-    leaning = [math.cos(lean / 2), math.sin(lean / 2), 0.0, 0.0]
-    hand = [math.cos(lean / 2), math.sin(lean / 2), 0.0, 0.0]
-    out = features_of(
-        observation(hand=hand, target_quat=about_z(90)), allowed_angles=torch.tensor([math.pi / 2])
-    )
-    # hand: must turn -10 degrees about x; connector: forward differs by an allowed 90 degrees, so nothing remains
-    assert_close(out[56:62], torch.tensor([-math.sin(lean), 0, 0, 0, 0, 0]), atol=1e-6, rtol=0)
-    out = features_of(observation(hand=leaning, moving_quat=leaning, target_quat=about_z(90)))
-    # In the target's frame (x is world y, y is world -x) the world's -x is +y.
-    sine = math.sin(lean)
-    assert_close(out[59:61], torch.tensor([-sine, 0.0]), atol=1e-6, rtol=0)
-    assert_close(out[65:67], torch.tensor([0.0, sine]), atol=1e-6, rtol=0)
-    assert_close(out[68:80], (out[56:68] / 0.1).tanh())
+def test_remaining_turns_of_the_connector():
+    # The moving connector leans 10 degrees about the world's x; the target is turned by an allowed 90 degrees about z,
+    # so that in its frame (x is world y, y is world -x) the turn of -10 degrees that remains is about +y.
+    sine, half = math.sin(math.radians(10)), math.radians(5)
+    leaning = [math.cos(half), math.sin(half), 0.0, 0.0]
+    obs = observation(moving_quat=leaning, target_quat=about_z(90))
+    out = features_of(obs, allowed_angles=torch.tensor([-math.pi / 2]))
+    assert_close(out[18], torch.tensor(math.cos(math.radians(10))))
+    assert_close(out[59:65], torch.tensor([-sine, 0.0, 0.0, 0.0, sine, 0.0]), atol=1e-6, rtol=0)
+    assert_close(out[68:89], (torch.cat((out[56:68], out[:9])) / 0.1).tanh())
+
+
+@pytest.mark.parametrize("degrees", [100, -80])
+def test_remaining_turn_of_the_fingers(degrees):
+    # The fingers close along the hand's y. At 90 or -90 degrees about z that is the grasp's x, either way round; 10
+    # degrees further, a turn of -10 degrees about z remains: axis times sine times cosine, sin 20 / 2.
+    out = features_of(observation(hand=about_z(degrees)))
+    remaining = -math.sin(math.radians(20)) / 2
+    assert_close(out[56:59], torch.tensor([0.0, 0.0, remaining]), atol=1e-6, rtol=0)
+    assert_close(out[65:68], torch.tensor([0.0, 0.0, 1.0]), atol=1e-6, rtol=0)
 
 
 def test_features_match_quaternion_algebra_on_random_poses():

@@ -12,6 +12,7 @@ import torch
 from torch import Tensor, nn
 
 GRIP_POSITION, HAND_QUAT, PARTS = 16, 19, 29  # where they begin in an observation; a part is 7 numbers
+FINGERS = 1  # they close along the hand's y axis
 
 # Row-major rotation matrix of a unit quaternion q = (w, x, y, z) as a linear map of the products q_i q_j.
 _ROTATION = (
@@ -48,9 +49,10 @@ class RelativeFeatures(nn.Module):
       the target's up axis (sine positive: a positive turn about up aligns it);
     - [20:32] e_grasp and e_connect in the world, then e_grasp in the grasp frame and e_connect in the target
       connector's frame, over 0.25 m; [32:44] tanh of them over 0.05 m; [44:56] tanh of them over 0.01 m;
-    - [56:62] the sines of the turns that remain, as an axis in the world: hand to grasp frame, moving connector to
-      target connector; [62:68] the same in the grasp's and the target connector's frame; [68:80] tanh of
-      those twelve over 0.1.
+    - [56:59] the turn, as axis times sine in the world, that lays the fingers' line along the grasp's (either way
+      round); [59:62] that which aligns the connectors, and [62:65] the same in the target connector's frame;
+      [65:68] the hand's z axis in the world, in which it approaches; [68:80] tanh of these twelve over 0.1;
+    - [80:89] tanh of the hand's nine cosines over 0.1: those that should vanish are seen to a degree.
 
     Args:
         features: of one subtask, from `FurnitureEnv.features(subtask)`: moving_part, target_part (index of the
@@ -65,7 +67,7 @@ class RelativeFeatures(nn.Module):
     keys = ("moving_part", "target_part", "moving_connector", "target_connector", "grasp", "allowed_angles")
     scales = (0.25, 0.05, 0.01)
     turn_scale = 0.1
-    out_dim = 80
+    out_dim = 89
     quats: Tensor
     points: Tensor
     table: Tensor
@@ -124,22 +126,19 @@ class RelativeFeatures(nn.Module):
 
     def forward(self, obs: Tensor) -> Tensor:
         """obs: (..., 72) -> (..., out_dim)."""
-        batch = obs.shape[:-1]
         quats = obs[..., self.quats]
         products = (quats.unsqueeze(-1) * quats.unsqueeze(-2)).flatten(-3)
         linear = torch.cat((products, obs[..., self.points]), -1) @ self.table
         frames = linear[..., :18].unflatten(-1, (2, 3, 3))
         world = linear[..., 18:].unflatten(-1, (2, 3, 4))
         local = frames.mT @ world  # (..., 2, 3, 4): cosines and errors in the grasp's and the target's frame
+        hand_cosines, cosines = local[..., 0, :, :3].flatten(-2), local[..., 1, :, :3].flatten(-2)
         turn = self._nearest_turn(local[..., 1, :2, 1])
-        turns = self._remaining_turns(local, turn[..., 1])
-        turns = torch.cat(((frames @ turns.unsqueeze(-1)).reshape(*batch, 6), turns.reshape(*batch, 6)), -1)
+        turns = self._remaining_turns(frames, world, local, turn[..., 1])
         errors = torch.cat((world[..., 3].flatten(-2), local[..., 3].flatten(-2)), -1)
         coarse, middle, fine = (errors / scale for scale in self.scales)
-        cosines = local[..., :3].flatten(-3)
-        return torch.cat(
-            (cosines, turn, coarse, middle.tanh(), fine.tanh(), turns, (turns / self.turn_scale).tanh()), -1
-        )
+        sharp = (torch.cat((turns, hand_cosines), -1) / self.turn_scale).tanh()
+        return torch.cat((hand_cosines, cosines, turn, coarse, middle.tanh(), fine.tanh(), turns, sharp), -1)
 
     def _nearest_turn(self, forward: Tensor) -> Tensor:
         """forward (..., 2): x and y of the forward axis -> (..., 2): cosine and sine to the nearest allowed angle."""
@@ -148,10 +147,11 @@ class RelativeFeatures(nn.Module):
         return torch.cat((nearest, sines.gather(-1, index)), -1)
 
     @staticmethod
-    def _remaining_turns(local: Tensor, sine: Tensor) -> Tensor:
-        """(..., 2, 3): axis times sine of the turn hand -> grasp, and of moving -> target connector, in local frames."""
-        hand, up = local[..., 0, :, :3], local[..., 1, :, 2]
-        skew = 0.5 * (hand.mT - hand)
-        grasp = torch.stack((skew[..., 2, 1], skew[..., 0, 2], skew[..., 1, 0]), -1)
+    def _remaining_turns(frames: Tensor, world: Tensor, local: Tensor, sine: Tensor) -> Tensor:
+        """(..., 12): fingers to grasp line, connectors in the world and in the target's frame, hand's z axis."""
+        closing, line, up = world[..., 0, :, FINGERS], frames[..., 0, :, 0], local[..., 1, :, 2]
+        cosine = (closing * line).sum(-1, keepdim=True)
+        grasp = torch.linalg.cross(closing, line) * cosine
         connect = torch.stack((up[..., 1], -up[..., 0], sine), -1)
-        return torch.stack((grasp, connect), -2)
+        turned = (frames[..., 1, :, :] @ connect.unsqueeze(-1)).squeeze(-1)
+        return torch.cat((grasp, turned, connect, world[..., 0, :, 2]), -1)
