@@ -79,10 +79,8 @@ class Assembly:
 
     def begin_episode(self, state: TensorDict, mask: Tensor) -> None:
         """Starts the episode clocks of simulations that were put into a restored state."""
-        for name in ("step", "episode_step", "completed"):
-            state[name].masked_fill_(mask, 0)
-        for name in ("success", "wrong", "failed", "disturbed"):
-            state[name].masked_fill_(mask, False)
+        fresh = self.new_state().select("step", "episode_step", "completed", "success", "wrong", "failed", "disturbed")
+        _assign(state, fresh, mask)
 
     def begin_subtask(self, state: TensorDict, mask: Tensor) -> None:
         """Sets what the reward remembers for the subtask that `state` names, in the simulations of `mask`."""
@@ -105,8 +103,8 @@ class Assembly:
 
     def after_step(self, state: TensorDict, action: Tensor, failed: Tensor) -> None:
         scene = self.scene(state)
-        state["episode_step"] += 1
-        state["step"] += 1
+        state["episode_step"] = state["episode_step"] + 1
+        state["step"] = state["step"] + 1
         asks = (action[:, CONNECT] > 0) & ~failed
         connected = asks & scene.touching & scene.alignment.aligned
         state["wrong"] = self._wrong_connection(state, asks & ~connected)

@@ -1,0 +1,123 @@
+"""Quaternions, poses and alignment in pure torch, batched over any leading axes, in the dtype of the inputs.
+
+Quaternions are (w, x, y, z) of unit length; `q` rotates vectors of its own frame into the parent's. A pose is a
+position and a quaternion. Angles are in rad. Nothing here normalises: what goes in with unit length comes out so.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+
+def quat_mul(a: Tensor, b: Tensor) -> Tensor:
+    """Product of quaternions (..., 4): first b, then a."""
+    aw, ax, ay, az = a.unbind(-1)
+    bw, bx, by, bz = b.unbind(-1)
+    return torch.stack(
+        (
+            aw * bw - ax * bx - ay * by - az * bz,
+            aw * bx + ax * bw + ay * bz - az * by,
+            aw * by - ax * bz + ay * bw + az * bx,
+            aw * bz + ax * by - ay * bx + az * bw,
+        ),
+        -1,
+    )
+
+
+def quat_conj(q: Tensor) -> Tensor:
+    """Inverse rotation (..., 4) of a unit quaternion."""
+    return torch.cat((q[..., :1], -q[..., 1:]), -1)
+
+
+def quat_rotate(q: Tensor, v: Tensor) -> Tensor:
+    """Rotates vectors v (..., 3) by q (..., 4): v + 2 (w t + u x t) with u the vector part and t = u x v."""
+    u = q[..., 1:]
+    t = torch.linalg.cross(*torch.broadcast_tensors(u, v))
+    return v + 2 * (q[..., :1] * t + torch.linalg.cross(u.expand_as(t), t))
+
+
+def quat_to_matrix(q: Tensor) -> Tensor:
+    """Rotation matrices (..., 3, 3) of quaternions (..., 4); their columns are the frame's axes."""
+    w, x, y, z = q.unbind(-1)
+    xx, yy, zz = x * x, y * y, z * z
+    xy, xz, yz, wx, wy, wz = x * y, x * z, y * z, w * x, w * y, w * z
+    rows = (
+        1 - 2 * (yy + zz), 2 * (xy - wz), 2 * (xz + wy),
+        2 * (xy + wz), 1 - 2 * (xx + zz), 2 * (yz - wx),
+        2 * (xz - wy), 2 * (yz + wx), 1 - 2 * (xx + yy),
+    )  # fmt: skip
+    return torch.stack(rows, -1).unflatten(-1, (3, 3))
+
+
+def axis_angle_quat(axis: Tensor, angle: Tensor) -> Tensor:
+    """Quaternions (..., 4) of turns by `angle` (...) about unit vectors `axis` (..., 3)."""
+    half = angle / 2
+    vector = axis * half.sin().unsqueeze(-1)
+    return torch.cat((half.cos().unsqueeze(-1).expand(*vector.shape[:-1], 1), vector), -1)
+
+
+def yaw_quat(angle: Tensor) -> Tensor:
+    """Quaternions (..., 4) of turns by `angle` (...) about z."""
+    half = angle / 2
+    zero = torch.zeros_like(half)
+    return torch.stack((half.cos(), zero, zero, half.sin()), -1)
+
+
+def quat_between(a: Tensor, b: Tensor) -> Tensor:
+    """The rotation (..., 4) of frame b as seen from frame a: quat_mul(a, result) is b."""
+    return quat_mul(quat_conj(a), b)
+
+
+def relative_pose(p1: Tensor, q1: Tensor, p2: Tensor, q2: Tensor) -> tuple[Tensor, Tensor]:
+    """The pose 2 in frame 1, both given in one frame: position (..., 3) and quaternion (..., 4)."""
+    inverse = quat_conj(q1)
+    return quat_rotate(inverse, p2 - p1), quat_mul(inverse, q2)
+
+
+def compose_pose(p1: Tensor, q1: Tensor, p2: Tensor, q2: Tensor) -> tuple[Tensor, Tensor]:
+    """The pose 2, given in frame 1, in the frame in which 1 is given: the inverse of `relative_pose`."""
+    return p1 + quat_rotate(q1, p2), quat_mul(q1, q2)
+
+
+def up_axis(q: Tensor) -> Tensor:
+    """The z axis (..., 3) of frames q (..., 4)."""
+    w, x, y, z = q.unbind(-1)
+    return torch.stack((2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)), -1)
+
+
+def forward_axis(q: Tensor) -> Tensor:
+    """The y axis (..., 3) of frames q (..., 4)."""
+    w, x, y, z = q.unbind(-1)
+    return torch.stack((2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)), -1)
+
+
+def up_cosine(a: Tensor, b: Tensor) -> Tensor:
+    """Cosine (...) of the angle between the z axes of two frames (..., 4)."""
+    return (up_axis(a) * up_axis(b)).sum(-1)
+
+
+def forward_cosine(a: Tensor, b: Tensor) -> Tensor:
+    """Cosine (...) of the angle between the y axes of two frames (..., 4)."""
+    return (forward_axis(a) * forward_axis(b)).sum(-1)
+
+
+def symmetric_alignment(a: Tensor, b: Tensor, allowed_angles: Tensor) -> tuple[Tensor, Tensor]:
+    """How well frame a points forward as frame b does, where some turns about b's z axis are as good as none.
+
+    Turning b by theta about its own z axis moves its y axis to cos(theta) y - sin(theta) x.
+
+    Args:
+        a: quaternions (..., 4).
+        b: quaternions (..., 4).
+        allowed_angles: (R,) or (..., R), rad.
+
+    Returns:
+        The best cosine (...) of the two forward axes, and the index (...) of the angle that gives it.
+
+    Source: environment.md "Connecting".
+    """
+    y_of_a = forward_axis(a)
+    along = (y_of_a * forward_axis(b)).sum(-1, keepdim=True)
+    across = (y_of_a * quat_to_matrix(b)[..., 0]).sum(-1, keepdim=True)
+    return (allowed_angles.cos() * along - allowed_angles.sin() * across).max(-1)
