@@ -15,6 +15,7 @@ from tstar_envs.furniture import library
 from tstar_envs.physics.cpu import CpuPhysics
 from tstar_envs.scene import SUBSTEPS, build_model
 from tstar_envs.settings import TaskSettings
+from tstar_envs.state_edit import StateEditor
 from tstar_envs.tasks.assembly import NUM_ACTIONS, Assembly
 
 NUM_OBSERVATIONS_ROBOT, NUM_PHASES = 29, 8
@@ -55,6 +56,7 @@ class BatchedEnvironment:
         self.seed(seed)
         self.task = Assembly(self.furniture, self.physics, subtask, self.settings, self.generator)
         self.state = self.task.new_state()
+        self._editor = StateEditor(self.model, self.task.tables)
         self.failures = 0
 
     @property
@@ -87,9 +89,20 @@ class BatchedEnvironment:
         self.task.initialize_episode(self.state, self._all() if mask is None else mask)
 
     def reset_to(self, snapshot: TensorDict, mask: Tensor | None = None) -> None:
-        """Starts new episodes from snapshots: restores them and starts the episode's clocks."""
+        """Starts new episodes from snapshots, at the beginning of the subtask that each is at.
+
+        Raises:
+            ValueError: the environment is for one subtask and a snapshot is at another.
+        """
         mask = self._all() if mask is None else mask
         self.restore(snapshot, mask)
+        found = self.state["subtask"][mask]
+        if self.subtask is not None and bool((found != self.subtask).any()):
+            raise ValueError(
+                f"episodes of subtask {self.subtask} of {self.name} cannot start from snapshots of subtask "
+                f"{found[found != self.subtask][0].item()}; take states in which subtask {self.subtask} begins"
+            )
+        self.task.begin_subtask(self.state, mask)
         self.task.begin_episode(self.state, mask)
 
     def step(self, action: Tensor) -> None:
@@ -133,6 +146,14 @@ class BatchedEnvironment:
         for name, value in snapshot["task"].items():
             where = mask.reshape(-1, *[1] * (value.ndim - 1))
             self.state[name] = torch.where(where, value, self.state[name])
+
+    def qpos_of(self, snapshot: TensorDict) -> Tensor:
+        """Joint positions (n, nq) of snapshots [n]; see `state_edit`."""
+        return self._editor.qpos_of(snapshot)
+
+    def with_qpos(self, snapshot: TensorDict, qpos: Tensor) -> tuple[TensorDict, Tensor]:
+        """Snapshots [n] at positions (n, nq), and which are possible, (n,); see `state_edit`."""
+        return self._editor.with_qpos(snapshot, qpos)
 
     def _bury(self, failed: Tensor) -> None:
         """Counts failed simulations and gives them a valid state to wait in for their reset."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-DAMPING = 0.05
+DAMPING = 0.01
 
 
 def joint_velocities(anchors: Tensor, axes: Tensor, point: Tensor, twist: Tensor) -> Tensor:
