@@ -30,7 +30,8 @@ class TaskSettings:
     arm_noise: float = 1e-3
     """Start noise of the arm's joints, rad, uniform."""
     preassembled: str = "ideal"
-    """Where earlier steps are preassembled: `ideal` pose, or `jitter` around it."""
+    """Where earlier steps are preassembled: `ideal`, as drawn, or `jitter` about the allowed turn nearest to how the
+    part lay, which is how a robot leaves it."""
     jitter: float = 0.012
     """With `jitter`: offset of the moving connector in the target connector's plane and away from it."""
     jitter_degrees: float = 5.0

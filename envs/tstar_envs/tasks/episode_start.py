@@ -27,7 +27,9 @@ class EpisodeStarts:
         self.tables, self.physics, self.settings, self.generator = tables, physics, settings, generator
         home = torch.tensor([*sawyer.HOME_QPOS, *sawyer.FINGER_OPEN], dtype=torch.float64, device=physics.device)
         self._home = home
-        self._ideal = [tables.ideal_relative_pose(k) for k in range(tables.num_steps)]
+        self._jittered = settings.preassembled == "jitter"
+        pose = tables.nearest_relative_pose if self._jittered else tables.ideal_relative_pose
+        self._ideal = [pose(k) for k in range(tables.num_steps)]
 
     def place(self, mask: Tensor, subtask: int) -> None:
         """Starts the simulations of `mask` at `subtask`, with the steps before it preassembled.
@@ -81,7 +83,7 @@ class EpisodeStarts:
         """Pose of step's moving part in its target's frame, (N, 3) and (N, 4): ideal, or jittered about it."""
         n, ideal = self.physics.num_sims, self._ideal[step]
         pos, quat = ideal[:3].expand(n, 3), ideal[3:].expand(n, 4)
-        if self.settings.preassembled == "ideal":
+        if not self._jittered:
             return pos, quat
         connector, goal = self.tables.moving_connector[step], self.tables.target_connector[step]
         shift, axis = self._uniform(3), torch.nn.functional.normalize(self._uniform(3), dim=-1)

@@ -41,10 +41,24 @@ class RecipeTables:
         self.initial_pose = rows(part.initial_pose for part in furniture.parts)
 
     def ideal_relative_pose(self, step: int) -> Tensor:
-        """Pose (7,) of the moving part in the target part's frame when step `step` is made exactly."""
-        turn = geometry.yaw_quat(self.angle[step])
-        frame_quat = geometry.quat_mul(self.target_connector[step, 3:], turn)
-        quat = geometry.quat_mul(frame_quat, geometry.quat_conj(self.moving_connector[step, 3:]))
+        """Pose (7,) of the moving part in the target part's frame when step `step` is made exactly, as drawn."""
+        return self._relative_pose(step, self.angle[step])
+
+    def nearest_relative_pose(self, step: int) -> Tensor:
+        """As `ideal_relative_pose`, at the allowed turn nearest to how the part lies at the start.
+
+        That is the turn a robot makes. The quaternion's sign continues that of the start pose, as physics does.
+        """
+        target = self.initial_pose[self.target[step], 3:]
+        start = self.initial_pose[self.moving[step], 3:]
+        poses = torch.stack([self._relative_pose(step, angle) for angle in self.allowed_angles[step]])
+        cosines = geometry.quat_mul(target.expand(len(poses), 4), poses[:, 3:]) @ start
+        best = cosines.abs().argmax()
+        return torch.cat([poses[best, :3], poses[best, 3:] * cosines[best].sign()])
+
+    def _relative_pose(self, step: int, angle: Tensor) -> Tensor:
+        turned = geometry.quat_mul(self.target_connector[step, 3:], geometry.yaw_quat(angle))
+        quat = geometry.quat_mul(turned, geometry.quat_conj(self.moving_connector[step, 3:]))
         pos = self.target_connector[step, :3] - geometry.quat_rotate(quat, self.moving_connector[step, :3])
         return torch.cat([pos, quat])
 
