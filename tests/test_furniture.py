@@ -1,0 +1,166 @@
+"""Furniture files: what they say, and what they are told when they are wrong."""
+
+import dataclasses
+import math
+
+import pytest
+import yaml
+
+from tstar_envs import furniture
+from tstar_envs.furniture import FurnitureError
+from tstar_envs.furniture.library import DATA, read
+
+CHAIR = """
+z_finedist: 0.1
+parts:
+  seat:
+    assembled_pose: [0, 0.105601, 0.127, 1, 0, 0, 0]
+    initial_pose: [-0.25, 0.107139, 0.002981, 0, 0, -1, -3.8e-05]
+    density: 50
+    boxes:
+      - size: [0.123, 0.113, 0.003]
+        pos: [0, -0.012601, 0]
+      - size: [0.09, 0.012, 0.003]
+        pos: [0, 0.115, 0]
+        quat: [0.998174, -0.060412, 0, 0]
+    connectors:
+      left: {pos: [-0.105, 0.003175, -0.004], kind: seat-side, mates_with: side-seat, allowed_degrees: [0, 180]}
+  side:
+    assembled_pose: [0.107156, 0.111951, 0.10795, 1, 0, 0, 0]
+    initial_pose: [-0.05, 0.094433, 0.015668, 0, 1, 0, 0]
+    density: 50
+    boxes: [{size: [0.008, 0.098, 0.015786]}]
+    connectors:
+      seat: {pos: [0, 0, 0.01505], kind: side-seat, mates_with: seat-side, allowed_degrees: [0, 180]}
+      front: {pos: [0, 0.096549, 0], quat: [0.707107, 0.707107, 0, 0], kind: side-front, mates_with: front-side}
+    grasps:
+      - {left: [0.02, 0, -0.01], right: [-0.02, 0, -0.01]}
+      - {left: [0.02, 0.06, -0.01], right: [-0.02, 0.06, -0.01]}
+steps:
+  - {moving_part: side, target_part: seat, moving_connector: seat, target_connector: left, degrees: 180,
+     waypoint: [0, 0, 0.05], grasp: 1, grip_init_pos: [0, 0, 0, 0.15], connect_height: 0.005}
+"""
+
+
+@pytest.fixture
+def chair(tmp_path):
+    """Returns a function that changes the chair's file and reads it."""
+
+    def read_changed(change=lambda data: None):
+        data = yaml.safe_load(CHAIR)
+        change(data)
+        path = tmp_path / "chair.yaml"
+        path.write_text(yaml.safe_dump(data, sort_keys=False))
+        return read(path)
+
+    return read_changed
+
+
+def test_table_lack_is_the_reference_task():
+    table = furniture.load("table_lack")
+    assert table.part_names == ("leg_1", "leg_2", "leg_3", "leg_4", "table_top")
+    assert [step.moving_part for step in table.steps] == ["leg_2", "leg_3", "leg_4", "leg_1"]
+    assert [step.target_connector for step in table.steps] == ["corner_2", "corner_1", "corner_4", "corner_3"]
+    assert {step.target_part for step in table.steps} == {"table_top"}
+    assert (table.z_finedist, table.max_steps_per_subtask) == (0.05, 200)
+    assert table.part("leg_1").boxes[0].size == (0.015, 0.015, 0.13125)
+    assert (table.part("leg_3").density, table.part("table_top").density) == (100, 300)
+    assert table.part_index("table_top") == 4
+
+
+def test_table_lack_connectors_and_grasps():
+    table = furniture.load("table_lack")
+    moving, target = table.connectors_of(1)
+    assert (moving.part, moving.pos, target.pos) == ("leg_3", (0, 0, 0.13125), (-0.305, -0.095, -0.02))
+    assert moving.allowed_angles == pytest.approx((0, math.pi / 2, math.pi, 3 * math.pi / 2))
+    assert table.steps[2].angle == pytest.approx(3 * math.pi / 2)
+    assert [table.grasp_of(i).axis for i in range(4)] == [(1, 0, 0), (-1, 0, 0), (1, 0, 0), (1, 0, 0)]
+    assert table.steps[0].grip_init_pos is None and table.steps[1].grip_init_pos == (0, 0, 0, 0.37)
+
+
+def test_a_chair_fits_the_same_schema(chair):
+    piece = chair()
+    assert piece.name == "chair" and piece.max_steps_per_subtask == 200
+    assert piece.part("side").connector("front").allowed_angles == (0,)
+    assert piece.grasp_of(0).point == pytest.approx((0, 0.06, -0.01))
+    assert piece.steps[0].connect_height == 0.005
+
+
+def test_quaternions_are_normalised():
+    for name in furniture.names():
+        for part in furniture.load(name).parts:
+            for quat in (part.assembled_pose[3:], part.initial_pose[3:], *(c.quat for c in part.connectors)):
+                assert math.hypot(*quat) == pytest.approx(1, abs=1e-12)
+
+
+def test_furniture_is_frozen():
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        furniture.load("table_lack").parts[0].density = 1
+
+
+def test_unknown_furniture_is_told_the_nearest_name():
+    with pytest.raises(FurnitureError, match="'table_lak': did you mean 'table_lack'.*valid:.*'table_lack'"):
+        furniture.load("table_lak")
+
+
+def test_every_file_loads():
+    assert furniture.names() == tuple(sorted(path.stem for path in DATA.glob("*.yaml")))
+    assert all(furniture.load(name).name == name for name in furniture.names())
+
+
+def _delete(data, *path):
+    for key in path[:-1]:
+        data = data[key]
+    del data[path[-1]]
+
+
+def _set(data, *path_and_value):
+    *path, last, value = path_and_value
+    for key in path:
+        data = data[key]
+    data[last] = value
+
+
+@pytest.mark.parametrize(
+    "change, message",
+    [
+        (lambda d: _delete(d, "z_finedist"), r"chair.yaml: z_finedist: is missing"),
+        (lambda d: _set(d, "z_finedist", "high"), r"z_finedist: got 'high', expected a finite number"),
+        (lambda d: _set(d, "z_fine", 1), r"z_fine: unknown field, did you mean 'z_finedist'"),
+        (
+            lambda d: _set(d, "parts", "seat", "density", -1),
+            r"parts.seat.density: got -1, expected a positive",
+        ),
+        (lambda d: _set(d, "parts", "seat", "boxes", []), r"parts.seat.boxes: got none"),
+        (
+            lambda d: _set(d, "parts", "seat", "boxes", 0, "size", [1, 2]),
+            r"parts.seat.boxes\[0\].size: got \[1, 2\], expected a list of 3 numbers",
+        ),
+        (
+            lambda d: _set(d, "parts", "side", "initial_pose", [0, 0, 0, 2, 0, 0, 0]),
+            r"parts.side.initial_pose: got quaternion .* of length 2.000",
+        ),
+        (
+            lambda d: _set(d, "parts", "side", "grasps", 0, "right", [0.02, 0, -0.01]),
+            r"parts.side.grasps\[0\]: left and right are both",
+        ),
+        (
+            lambda d: _set(d, "steps", 0, "moving_part", "sied"),
+            r"steps\[0\]: no part of 'chair' is called 'sied': did you mean 'side'",
+        ),
+        (
+            lambda d: _set(d, "steps", 0, "target_connector", "right"),
+            r"steps\[0\]: no connector of part 'seat' is called 'right': valid: 'left'",
+        ),
+        (
+            lambda d: _set(d, "steps", 0, "moving_connector", "front"),
+            r"connector side.front \('side-front', mates with 'front-side'\) cannot join seat.left",
+        ),
+        (lambda d: _set(d, "steps", 0, "degrees", 90), r"steps\[0\].angle: got 90 degrees, .* allows 0, 180"),
+        (lambda d: _set(d, "steps", 0, "grasp", 2), r"steps\[0\].grasp: got 2, part 'side' has 2 grasps"),
+        (lambda d: _set(d, "steps", []), r"steps: got none"),
+    ],
+)
+def test_a_wrong_file_is_told_what_is_wrong(chair, change, message):
+    with pytest.raises(FurnitureError, match=message):
+        chair(change)
