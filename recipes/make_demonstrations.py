@@ -1,0 +1,44 @@
+"""Scripted demonstrations, plain and noise-injected, of one subtask, of all, or of the whole task.
+
+python recipes/make_demonstrations.py                 # every subtask, both kinds
+python recipes/make_demonstrations.py subtask=0 kinds=[noisy]
+"""
+
+from functools import partial
+
+from omegaconf import DictConfig
+from tqdm import tqdm
+
+from tstar_rl.collection import derive_seed
+from tstar_rl.configuration import demonstrations_path, environment, recipe
+from tstar_rl.demonstrations import KINDS, collect
+
+
+@recipe("make_demonstrations")
+def main(config: DictConfig) -> None:
+    """Writes the files that are not there yet."""
+    one = [None] if config.whole else range(config.task.subtasks)
+    subtasks = one if config.subtask is None else [config.subtask]
+    number = config.demonstrations.num_envs
+    for subtask in subtasks:
+        for kind in config.kinds:
+            path = demonstrations_path(config, subtask, kind)
+            if path.is_file() and config.resume:
+                continue
+            part = config.task.subtasks if subtask is None else subtask
+            seed = derive_seed(config.seed, "demonstrate", part, KINDS.index(kind))
+            with tqdm(desc=path.stem, unit=" steps", disable=not config.progress_bar) as bar:
+                found = collect(
+                    partial(environment, config, subtask, number, snapshots=True),
+                    config.demonstrations.episodes,
+                    kind,
+                    config.demonstrations.noise,
+                    seed,
+                    partial(bar.update, number),
+                )
+                bar.set_postfix(episodes=len(found))
+            found.save(path)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,80 @@
+"""Checkpoints on `torchrl.checkpoint`: tensors and JSON, written atomically, no pickle.
+
+Each carries a record of what it belongs to (task, recipe, config, ...), and is checked against it when loaded.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from torchrl.checkpoint import Checkpoint, CheckpointRotation
+
+__all__ = [
+    "CheckpointMismatchError",
+    "differences",
+    "latest",
+    "load",
+    "read_record",
+    "save",
+    "save_step",
+]
+
+
+class CheckpointMismatchError(ValueError):
+    """A checkpoint belongs to something else."""
+
+
+def save(path: str | Path, components: Mapping[str, Any], record: Mapping[str, Any]) -> None:
+    """Writes the components (with `state_dict`) and the record to `path`, replacing what was there."""
+    Checkpoint(**components).save(path, metadata=dict(record))
+
+
+def save_step(
+    directory: str | Path,
+    step: int,
+    components: Mapping[str, Any],
+    record: Mapping[str, Any],
+) -> None:
+    """Writes the checkpoint of a step below `directory`; the one before goes once the new one is complete."""
+    rotation = CheckpointRotation(directory, keep_last=1)
+    rotation.save(Checkpoint(**components), step=step, metadata=dict(record))
+
+
+def latest(directory: str | Path) -> Path | None:
+    """The newest complete checkpoint below `directory`."""
+    return CheckpointRotation(directory, keep_last=1).latest()
+
+
+def read_record(path: str | Path, **expected: Any) -> dict[str, Any]:
+    """The record of the checkpoint at `path`.
+
+    Raises:
+        FileNotFoundError: if there is no checkpoint.
+        CheckpointMismatchError: if an `expected` value is not the recorded one.
+    """
+    if not Checkpoint.is_checkpoint(path):
+        raise FileNotFoundError(f"no checkpoint at {path}")
+    record = Checkpoint.manifest(path)["metadata"]
+    wrong = differences({name: record.get(name) for name in expected}, expected)
+    if wrong:
+        raise CheckpointMismatchError(f"{path} does not belong here: " + "; ".join(wrong))
+    return record
+
+
+def load(path: str | Path, components: Mapping[str, Any], **expected: Any) -> dict[str, Any]:
+    """Restores the components and returns the record; see `read_record` for what is raised."""
+    record = read_record(path, **expected)
+    Checkpoint(**components).load(path)
+    return record
+
+
+def differences(saved: Any, wanted: Any, name: str = "") -> list[str]:
+    """Readable differences of two nested plain values."""
+    if isinstance(saved, Mapping) and isinstance(wanted, Mapping):
+        return [
+            text
+            for key in sorted({*saved, *wanted}, key=str)
+            for text in differences(saved.get(key), wanted.get(key), f"{name}.{key}" if name else str(key))
+        ]
+    saved, wanted = (list(value) if isinstance(value, tuple) else value for value in (saved, wanted))
+    return [] if saved == wanted else [f"{name} was {saved!r} when it was saved, and is {wanted!r} now"]

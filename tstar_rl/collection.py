@@ -1,0 +1,163 @@
+"""Environments with the transforms that training needs, and rollouts that resume bit for bit."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import torch
+from tensordict import TensorDict, TensorDictBase
+from torchrl.collectors import Collector
+from torchrl.envs import EnvBase, StepCounter, TransformedEnv
+
+from tstar_rl.transforms import EpisodeStart, SkillChainReset
+from tstar_rl.transforms.skill_chain_reset import Starts
+
+__all__ = [
+    "PURPOSES",
+    "Collection",
+    "derive_seed",
+    "rollout_metrics",
+    "run_episodes",
+    "with_starts",
+]
+
+PURPOSES = (
+    "train",
+    "validate",
+    "harvest",
+    "evaluate",
+    "demonstrate",
+    "networks",
+    "updates",
+)
+
+
+def derive_seed(seed: int, purpose: str, *index: int) -> int:
+    """A seed of its own for each purpose and index of a run: what chooses never sees what is reported."""
+    if purpose not in PURPOSES:
+        raise ValueError(f"purpose must be one of {', '.join(PURPOSES)}; got {purpose!r}")
+    words = np.random.SeedSequence([seed, PURPOSES.index(purpose), *index]).generate_state(1)
+    return int(words[0]) % 2**31
+
+
+def with_starts(
+    env: EnvBase, starts: Starts | None = None, probability: float = 0.8, seed: int = 0
+) -> TransformedEnv:
+    """The environment with s_0 and the step count on every row, a share of its episodes beginning in `starts`."""
+    env = TransformedEnv(env, StepCounter())
+    env.append_transform(EpisodeStart())
+    if starts is not None:
+        env.append_transform(SkillChainReset(starts, probability, seed))
+    return env
+
+
+class Collection:
+    """Rollouts of a policy, `horizon` steps of every simulation at a time, episodes going on from one to the next.
+
+    TorchRL's `Collector` in this process. `settle` puts the environment through its own saved state: a restored
+    simulator differs from one that went on by rounding (sleep timers are not part of a state), so a run that is
+    to resume bit for bit settles whenever it saves.
+
+    Args:
+        env: batch [N].
+        policy: reads and writes TensorDicts.
+        horizon: steps T of each simulation in one rollout.
+    """
+
+    def __init__(self, env: TransformedEnv, policy: Callable, horizon: int) -> None:
+        self.env = env
+        self.collector = Collector(
+            env,
+            policy,
+            frames_per_batch=env.batch_size.numel() * horizon,
+            total_frames=-1,
+            track_traj_ids=False,
+            use_buffers=False,
+            trust_policy=True,
+            auto_register_policy_transforms=False,
+        )
+
+    @torch.no_grad()
+    def rollout(self) -> TensorDictBase:
+        """The next rollout, batch [N, T]."""
+        return self.collector.rollout()
+
+    def settle(self) -> None:
+        """Loads the state that `state_dict` gives."""
+        self.load_state_dict(self.state_dict())
+
+    def state_dict(self) -> dict[str, Any]:
+        """Simulations, generators and the last observations."""
+        world = self.env.base_env.state_dict()
+        world = {k: v.to_dict() if isinstance(v, TensorDictBase) else v for k, v in world.items()}
+        return {
+            "world": world,
+            "transforms": self.env.transform.state_dict(),
+            "carried": self.collector._carrier.clone().to_dict(),
+        }
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """What `state_dict` gave."""
+        batch = self.env.batch_size
+        world = {
+            k: TensorDict.from_dict(v, batch_size=batch) if isinstance(v, dict) else v
+            for k, v in state["world"].items()
+        }
+        self.env.base_env.load_state_dict(world)
+        self.env.transform.load_state_dict(state["transforms"])
+        self.collector._carrier = TensorDict.from_dict(state["carried"], batch_size=batch)
+
+    def close(self) -> None:
+        """Frees the simulations."""
+        self.collector.shutdown()
+
+
+@torch.no_grad()
+def run_episodes(
+    env: TransformedEnv,
+    policy: Callable,
+    each_step: Callable[[TensorDictBase], None] | None = None,
+) -> TensorDictBase:
+    """One whole episode of every simulation, from a reset.
+
+    Args:
+        env: from `with_starts`.
+        policy: reads and writes TensorDicts; how it samples is the caller's affair.
+        each_step: called with every step's TensorDict, batch [N].
+
+    Returns:
+        The last step of each episode, batch [N], in the order of the simulations.
+    """
+    tensordict = env.reset()
+    running = torch.ones(env.batch_size, dtype=torch.bool)
+    last: TensorDictBase | None = None
+    while running.any():
+        tensordict = env.step(policy(tensordict))
+        if each_step is not None:
+            each_step(tensordict)
+        ended = running & tensordict["next", "done"].squeeze(-1)
+        if last is None:
+            last = tensordict.clone()
+        elif ended.any():
+            last[ended] = tensordict[ended]
+        running &= ~ended
+        tensordict = env.step_mdp(tensordict)
+    assert last is not None
+    return last
+
+
+def rollout_metrics(rollout: TensorDictBase) -> dict[str, float]:
+    """What is logged of a rollout (N, T): its finished episodes, phases and rewards by term."""
+    following = rollout["next"]
+    done = following["done"]
+    episodes = int(done.sum())
+    log: dict[str, float] = {
+        "episodes": episodes,
+        "success_rate": float(following["success"][done].float().mean()) if episodes else float("nan"),
+        "episode_length": float(following["step_count"][done].float().mean()) if episodes else float("nan"),
+        "phase": float(following["phase"].float().mean()),
+    }
+    for name in ("reward_env", "reward_gail", "reward_tsr", "reward"):
+        if following.get(name, None) is not None:
+            log[name] = float(following[name].mean())
+    return log

@@ -1,0 +1,142 @@
+"""From the values in `configs/` to the objects of a run. The one file that knows how the sections are called."""
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import hydra
+import torch
+from omegaconf import DictConfig, OmegaConf
+
+from tstar_rl.collection import derive_seed, with_starts
+from tstar_rl.demonstrations import Demonstrations
+from tstar_rl.logging import run_path
+from tstar_rl.networks import set_action_std
+from tstar_rl.skill import NetworkSettings, Skill
+
+__all__ = [
+    "demonstrations_path",
+    "environment",
+    "explore",
+    "load_demonstrations",
+    "load_skills",
+    "new_skill",
+    "plain",
+    "recipe",
+    "settings",
+]
+
+CONFIGS = Path(__file__).resolve().parent.parent / "configs"
+
+
+def recipe(name: str) -> Callable[[Callable[[DictConfig], None]], Callable[[], None]]:
+    """Makes a function of the config into the main function of a recipe: one torch thread, values from `configs/`."""
+
+    def decorate(function: Callable[[DictConfig], None]) -> Callable[[], None]:
+        def main(config: DictConfig) -> None:
+            torch.set_num_threads(config.torch_threads)
+            function(config)
+
+        return hydra.main(version_base="1.3", config_path=str(CONFIGS), config_name=f"recipe/{name}")(main)
+
+    return decorate
+
+
+def plain(config: DictConfig) -> dict[str, Any]:
+    """The config as nested plain values."""
+    return OmegaConf.to_container(config, resolve=True, throw_on_missing=True)  # type: ignore[return-value]
+
+
+def settings(kind: type, section: Mapping[str, Any] | DictConfig) -> Any:
+    """A frozen settings object from a section of the config.
+
+    Raises:
+        ValueError: for a name that `kind` does not have.
+    """
+    values = (
+        OmegaConf.to_container(section, resolve=True) if isinstance(section, DictConfig) else dict(section)
+    )
+    assert isinstance(values, dict)
+    valid = [field.name for field in dataclasses.fields(kind)]
+    unknown = [str(name) for name in values if name not in valid]
+    if unknown:
+        raise ValueError(f"{kind.__name__} has no {', '.join(unknown)}; it has {', '.join(valid)}")
+    return kind(**{str(k): tuple(v) if isinstance(v, list) else v for k, v in values.items()})
+
+
+def environment(
+    config: DictConfig,
+    subtask: int | None,
+    num_envs: int,
+    seed: int,
+    starts: Any = None,
+    snapshots: bool = False,
+    **overrides: Any,
+) -> Any:
+    """The furniture environment of a config with the transforms of training; overrides are settings of the task.
+
+    `starts` is a termination set, or a function of the environment that gives a source of starts.
+    """
+    from tstar_rl.furniture_env import FurnitureEnv
+
+    values = {**plain(config.env), **overrides}
+    env = FurnitureEnv(
+        config.task.name,
+        num_envs,
+        subtask,
+        nthread=config.nthread,
+        seed=seed,
+        snapshots=snapshots,
+        **values,
+    )
+    starts = starts(env) if callable(starts) else starts
+    return with_starts(env, starts, 1.0 - config.chain.environment_share, seed)
+
+
+def new_skill(config: DictConfig, subtask: int | None) -> Skill:
+    """An untrained skill, its weights drawn with the run's seed."""
+    networks = settings(NetworkSettings, config.networks)
+    features = None
+    if networks.features:
+        if subtask is None:
+            raise ValueError(
+                "networks.features needs one subtask: set subtask=0.. or networks.features=false"
+            )
+        features = environment(config, subtask, 1, 0).base_env.features(subtask)
+    torch.manual_seed(derive_seed(config.seed, "networks", 99 if subtask is None else subtask))
+    return Skill(config.task.name, subtask, networks, features, config.chain.capacity)
+
+
+def demonstrations_path(config: DictConfig, subtask: int | None, kind: str) -> Path:
+    """<demonstrations_dir>/<task>/<subtask<i>|whole>_<kind>.npz."""
+    part = "whole" if subtask is None else f"subtask{subtask}"
+    return Path(config.demonstrations_dir) / config.task.name / f"{part}_{kind}.npz"
+
+
+def load_demonstrations(config: DictConfig, subtask: int | None) -> Demonstrations:
+    """Those that the config's recipe learns from."""
+    path = demonstrations_path(config, subtask, config.demonstrations.kind)
+    return Demonstrations.load(path, config.task.name, subtask)
+
+
+def load_skills(config: DictConfig, system: str = "gail_ppo", checkpoint: str = "last") -> list[Skill]:
+    """The skills that a chaining recipe starts from, in order."""
+    return [
+        Skill.load(
+            run_path(config.runs_dir, config.task.name, system, config.seed, index) / checkpoint,
+            task=config.task.name,
+            subtask=index,
+        )
+        for index in range(config.task.subtasks)
+    ]
+
+
+def explore(skill: Skill, config: DictConfig, progress: float) -> None:
+    """Sets the deviation of exploration at `progress` in [0, 1], where it follows a schedule."""
+    schedule = config.exploration
+    if schedule is None or skill.settings.std != "fixed":
+        return
+    arm = schedule.arm[0] + progress * (schedule.arm[1] - schedule.arm[0])
+    hand = schedule.hand[0] + progress * (schedule.hand[1] - schedule.hand[0])
+    set_action_std(skill.policy, [arm] * 7 + [hand] * 2)

@@ -1,0 +1,365 @@
+"""What changes networks: behaviour cloning, PPO, and the two discriminators.
+
+An update is an object only because an optimiser has a memory; calling it with data is one update, and what it
+returns goes into the log. Its `state_dict` makes a run resumable.
+"""
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import torch
+from tensordict import TensorDict, TensorDictBase
+from torch import Tensor, nn
+from torchrl.modules import ProbabilisticActor, ValueOperator
+from torchrl.objectives import ClipPPOLoss, LossModule
+from torchrl.objectives.value import GAE
+
+from tstar_rl.networks import Discriminator
+from tstar_rl.objectives import GAILDiscriminatorLoss, InitiationSetLoss
+
+__all__ = [
+    "BehaviourCloningSettings",
+    "DiscriminatorSettings",
+    "DiscriminatorUpdate",
+    "PPOSettings",
+    "PolicyUpdate",
+    "ReturnScale",
+    "behaviour_cloning",
+    "make_d_omega_update",
+    "make_f_phi_update",
+]
+
+PPO_KEYS = ("observation", "action", "action_log_prob", "advantage", "value_target")
+
+
+@dataclass(frozen=True)
+class BehaviourCloningSettings:
+    """Source: environment.md ("BC 1000 epochs, batch 256, Adam 1e-4") for the defaults."""
+
+    epochs: int = 1000
+    minibatch: int = 256
+    learning_rate: float = 1e-4
+    cosine_decay: bool = False
+
+
+@dataclass(frozen=True)
+class PPOSettings:
+    """Source: the paper's appendix for the defaults; what it does not name is off."""
+
+    epochs: int = 10
+    minibatch: int = 128
+    learning_rate: float = 3e-4
+    critic_learning_rate: float | None = None
+    """None: the actor's."""
+    linear_decay: bool = True
+    clip_epsilon: float = 0.2
+    entropy_coeff: float = 0.003
+    critic_coeff: float = 0.5
+    max_grad_norm: float = 0.5
+    gamma: float = 0.99
+    gae_lambda: float = 0.95
+    kl_stop: float = math.inf
+    """The actor stands still for the rest of an update once the KL of a minibatch exceeds this."""
+    critic_warmup: int = 0
+    """First updates in which the critic alone is trained."""
+    normalize_returns: bool = False
+    """Divide rewards by the running deviation of discounted returns."""
+
+
+@dataclass(frozen=True)
+class DiscriminatorSettings:
+    """Source: environment.md, "discriminators f, D"; the size of an update is the implementation's."""
+
+    learning_rate: float = 1e-4
+    minibatch: int = 128
+    steps: int = 100
+    """Minibatches in one update, drawn at random: a subsample of a large rollout."""
+    gradient_penalty: float = 10.0
+
+
+class ReturnScale(nn.Module):
+    """The running deviation of discounted returns, by which rewards are divided.
+
+    Args:
+        gamma: discount.
+    """
+
+    count: Tensor
+    mean: Tensor
+    var: Tensor
+
+    def __init__(self, gamma: float = 0.99) -> None:
+        super().__init__()
+        self.gamma = gamma
+        self.register_buffer("count", torch.zeros((), dtype=torch.float64))
+        self.register_buffer("mean", torch.zeros((), dtype=torch.float64))
+        self.register_buffer("var", torch.ones((), dtype=torch.float64))
+
+    @torch.no_grad()
+    def forward(self, reward: Tensor, done: Tensor, carried: Tensor) -> tuple[Tensor, Tensor]:
+        """reward, done: (N, T, 1), carried: (N, 1) returns so far -> scaled reward (N, T, 1), carried (N, 1)."""
+        returns = []
+        for t in range(reward.shape[1]):
+            carried = carried * self.gamma + reward[:, t]
+            returns.append(carried)
+            carried = carried * ~done[:, t]
+        self._update(torch.stack(returns, 1).double())
+        return (reward / self.var.sqrt().clamp_min(1e-8)).to(reward.dtype), carried
+
+    def _update(self, rows: Tensor) -> None:
+        total = self.count + rows.numel()
+        share, step = rows.numel() / total, rows.mean() - self.mean
+        var = rows.var(unbiased=False)
+        self.var.copy_((1 - share) * self.var + share * var + share * (1 - share) * step.square())
+        self.mean.add_(share * step)
+        self.count.copy_(total)
+
+
+class PolicyUpdate:
+    """Proximal policy optimisation of a policy and its value network on one rollout.
+
+    Args:
+        policy: writes "action_log_prob".
+        value: writes "state_value".
+        settings: see `PPOSettings`.
+        return_scale: used and updated if the settings say so.
+        seed: of the order of minibatches.
+
+    Source: Schulman et al. 2017, 2016; the paper's appendix.
+    """
+
+    def __init__(
+        self,
+        policy: ProbabilisticActor,
+        value: ValueOperator,
+        settings: PPOSettings,
+        return_scale: ReturnScale,
+        seed: int = 0,
+    ) -> None:
+        self.settings = settings
+        self.return_scale = return_scale
+        self.generator = torch.Generator().manual_seed(seed)
+        self.updates = 0
+        self.carried = torch.zeros(())
+        self.loss = ClipPPOLoss(
+            policy,
+            value,
+            clip_epsilon=settings.clip_epsilon,
+            entropy_bonus=settings.entropy_coeff > 0,
+            entropy_coeff=settings.entropy_coeff,
+            critic_coeff=settings.critic_coeff,
+            loss_critic_type="l2",
+            normalize_advantage=True,
+            functional=False,
+        )
+        self.gae = GAE(
+            gamma=settings.gamma,
+            lmbda=settings.gae_lambda,
+            value_network=value,
+            deactivate_vmap=True,
+        )
+        self.actor_parameters, self.critic_parameters = (
+            list(policy.parameters()),
+            list(value.parameters()),
+        )
+        critic_rate = settings.critic_learning_rate or settings.learning_rate
+        self.actor_optimizer = torch.optim.Adam(self.actor_parameters, settings.learning_rate, eps=1e-5)
+        self.critic_optimizer = torch.optim.Adam(self.critic_parameters, critic_rate, eps=1e-5)
+
+    def __call__(self, rollout: TensorDictBase, progress: float = 0.0) -> dict[str, float]:
+        """One update on a rollout (N, T) with ("next", "reward"); progress in [0, 1] drives the linear decay."""
+        self._set_learning_rates(progress)
+        batch = self._with_advantage(rollout)
+        actor_moves = self.updates >= self.settings.critic_warmup
+        log = {
+            "kl": 0.0,
+            "loss_policy": 0.0,
+            "loss_critic": 0.0,
+            "actor_steps": 0,
+            "critic_steps": 0,
+        }
+        for _ in range(self.settings.epochs):
+            order = torch.randperm(batch.shape[0], generator=self.generator)
+            for rows in order.split(self.settings.minibatch):
+                actor_moves = self._step(batch[rows], actor_moves, log)
+        self.updates += 1
+        log["loss_policy"] /= max(log["actor_steps"], 1)
+        log["loss_critic"] /= max(log["critic_steps"], 1)
+        return log
+
+    def _step(self, batch: TensorDictBase, actor_moves: bool, log: dict[str, float]) -> bool:
+        """One minibatch; returns whether the actor may still move in this update."""
+        if actor_moves:
+            losses = self.loss(batch)
+            log["kl"] = float(losses["kl_approx"].detach().mean())
+            actor_moves = log["kl"] <= self.settings.kl_stop
+        if actor_moves:
+            policy_loss = losses["loss_objective"] + losses.get("loss_entropy", torch.zeros(()))
+            _descend(
+                self.actor_optimizer,
+                policy_loss,
+                self.actor_parameters,
+                self.settings.max_grad_norm,
+            )
+            log["loss_policy"] += float(policy_loss.detach())
+            log["actor_steps"] += 1
+        critic_loss = losses["loss_critic"] if actor_moves else self.loss.loss_critic(batch)[0].mean()
+        _descend(
+            self.critic_optimizer,
+            critic_loss,
+            self.critic_parameters,
+            self.settings.max_grad_norm,
+        )
+        log["loss_critic"] += float(critic_loss.detach())
+        log["critic_steps"] += 1
+        return actor_moves
+
+    @torch.no_grad()
+    def _with_advantage(self, rollout: TensorDictBase) -> TensorDictBase:
+        keys = ("reward", "done", "terminated", "observation")
+        batch = rollout.select("observation", "action", "action_log_prob", *(("next", key) for key in keys))
+        if self.settings.normalize_returns:
+            carried = self.carried.expand(rollout.shape[0], 1)
+            reward, self.carried = self.return_scale(batch["next", "reward"], batch["next", "done"], carried)
+            batch = batch.copy().set("next", batch["next"].copy().set("reward", reward))
+        return self.gae(batch).select(*PPO_KEYS).reshape(-1)
+
+    def _set_learning_rates(self, progress: float) -> None:
+        if self.settings.linear_decay:
+            share = max(1.0 - progress, 0.0)
+            critic_rate = self.settings.critic_learning_rate or self.settings.learning_rate
+            self.actor_optimizer.param_groups[0]["lr"] = share * self.settings.learning_rate
+            self.critic_optimizer.param_groups[0]["lr"] = share * critic_rate
+
+    def state_dict(self) -> dict[str, Any]:
+        """What the next update depends on, less the networks."""
+        return {
+            "actor_optimizer": self.actor_optimizer.state_dict(),
+            "critic_optimizer": self.critic_optimizer.state_dict(),
+            "generator": self.generator.get_state(),
+            "updates": self.updates,
+            "carried": self.carried,
+        }
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """What `state_dict` gave."""
+        self.actor_optimizer.load_state_dict(state["actor_optimizer"])
+        self.critic_optimizer.load_state_dict(state["critic_optimizer"])
+        self.generator.set_state(state["generator"])
+        self.updates, self.carried = int(state["updates"]), state["carried"]
+
+
+@dataclass
+class DiscriminatorUpdate:
+    """Some optimiser steps of a discriminator's loss on random minibatches of two sets of observations.
+
+    Args:
+        loss: reads the two keys; entries beginning with "loss_" are summed.
+        keys: of the positive observations and the negative ones.
+        settings: see `DiscriminatorSettings`.
+        name: prefix of what is logged.
+        seed: of the minibatches.
+    """
+
+    loss: LossModule
+    keys: tuple[str, str]
+    settings: DiscriminatorSettings
+    name: str
+    seed: int = 0
+    optimizer: torch.optim.Optimizer = field(init=False)
+    generator: torch.Generator = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.optimizer = torch.optim.Adam(self.loss.parameters(), self.settings.learning_rate)
+        self.generator = torch.Generator().manual_seed(self.seed)
+
+    def __call__(self, positive: Tensor, negative: Tensor) -> dict[str, float]:
+        """positive: (..., 72), negative: (..., 72) -> mean loss and scores; nothing if either is empty."""
+        sets = [rows.reshape(-1, rows.shape[-1]) for rows in (positive, negative)]
+        if not all(len(rows) for rows in sets):
+            return {}
+        sums: dict[str, Tensor] = {}
+        for _ in range(self.settings.steps):
+            draws = [
+                rows[torch.randint(len(rows), (self.settings.minibatch,), generator=self.generator)]
+                for rows in sets
+            ]
+            out = self.loss(TensorDict(dict(zip(self.keys, draws, strict=True)), [self.settings.minibatch]))
+            loss = torch.stack([value for key, value in out.items() if key.startswith("loss_")]).sum()
+            self.optimizer.zero_grad()
+            loss.backward()
+            self.optimizer.step()
+            for key, value in out.items():
+                sums[key] = sums.get(key, 0.0) + value.detach()
+        return {f"{self.name}_{key}": float(value) / self.settings.steps for key, value in sums.items()}
+
+    def state_dict(self) -> dict[str, Any]:
+        """Optimiser and generator."""
+        return {
+            "optimizer": self.optimizer.state_dict(),
+            "generator": self.generator.get_state(),
+        }
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """What `state_dict` gave."""
+        self.optimizer.load_state_dict(state["optimizer"])
+        self.generator.set_state(state["generator"])
+
+
+def make_f_phi_update(
+    f_phi: Discriminator, settings: DiscriminatorSettings, seed: int = 0
+) -> DiscriminatorUpdate:
+    """Called with (expert observations, the agent's)."""
+    loss = GAILDiscriminatorLoss(f_phi, settings.gradient_penalty)
+    return DiscriminatorUpdate(loss, ("expert_observation", "observation"), settings, "f_phi", seed)
+
+
+def make_d_omega_update(
+    d_omega: Discriminator, settings: DiscriminatorSettings, seed: int = 0
+) -> DiscriminatorUpdate:
+    """Called with (initiation set of the skill, termination set of the skill before)."""
+    loss = InitiationSetLoss(d_omega, settings.gradient_penalty)
+    keys = ("initiation_observation", "termination_observation")
+    return DiscriminatorUpdate(loss, keys, settings, "d_omega", seed)
+
+
+def behaviour_cloning(
+    policy: ProbabilisticActor,
+    observations: Tensor,
+    actions: Tensor,
+    settings: BehaviourCloningSettings,
+    seed: int = 0,
+) -> dict[str, float]:
+    """Fits the policy's mean to actions (n, 9) at observations (n, 72) by least squares; logs the last epoch's loss."""
+    generator = torch.Generator().manual_seed(seed)
+    optimizer = torch.optim.Adam(policy.parameters(), settings.learning_rate)
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, settings.epochs)
+    loss_sum, count = 0.0, 0
+    for _ in range(settings.epochs):
+        loss_sum, count = 0.0, 0
+        for rows in torch.randperm(len(observations), generator=generator).split(settings.minibatch):
+            batch = TensorDict({"observation": observations[rows]}, [len(rows)])
+            loss = (policy.get_dist(batch).mean - actions[rows]).square().mean()
+            optimizer.zero_grad()
+            loss.backward()
+            optimizer.step()
+            loss_sum, count = (
+                loss_sum + float(loss.detach()) * len(rows),
+                count + len(rows),
+            )
+        if settings.cosine_decay:
+            schedule.step()
+    return {"bc_loss": loss_sum / max(count, 1)}
+
+
+def _descend(
+    optimizer: torch.optim.Optimizer,
+    loss: Tensor,
+    parameters: list[nn.Parameter],
+    max_norm: float,
+) -> None:
+    optimizer.zero_grad()
+    loss.backward()
+    nn.utils.clip_grad_norm_(parameters, max_norm)
+    optimizer.step()
