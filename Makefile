@@ -1,0 +1,53 @@
+# Every target sets up what it needs: on a fresh machine `make assemble` and `make test` are all.
+PYTHON ?= $(firstword $(foreach v,python3.13 python3.12 python3.11 python3,$(shell command -v $(v) 2>/dev/null)))
+SEED ?= 0
+ARGS ?=
+
+VENV := .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+
+.PHONY: help setup assemble assemble-quick test test-all lint type format bench clean
+
+help:
+	@echo "make assemble        demonstrations, four skills, T-STAR, evaluation, video, curves (SEED=0)"
+	@echo "make assemble-quick  the same path made small"
+	@echo "make test | test-all | lint | type | format | bench"
+
+setup: $(READY)
+
+$(READY): pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+		{ echo "tstar_rl needs Python 3.11 or newer; '$(PYTHON)' is not. Try: make PYTHON=/path/to/python3.11 ..."; exit 1; }
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install -q -e '.[dev]'
+	touch $@
+
+assemble: $(READY)
+	$(BIN)/python recipes/assemble.py scale=laptop seed=$(SEED) $(ARGS)
+
+assemble-quick: $(READY)
+	$(BIN)/python recipes/assemble.py scale=quick seed=$(SEED) $(ARGS)
+
+test: $(READY)
+	$(BIN)/python -m pytest -m "not slow" $(ARGS)
+
+test-all: $(READY)
+	$(BIN)/python -m pytest $(ARGS)
+
+lint: $(READY)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+type: $(READY)
+	$(BIN)/pyright
+
+format: $(READY)
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+bench: $(READY)
+	$(BIN)/python recipes/bench.py $(ARGS)
+
+clean:
+	rm -rf build dist *.egg-info .pytest_cache .ruff_cache
