@@ -1,0 +1,124 @@
+"""Pictures without a screen: any simulation state to an image, images to PNG or mp4.
+
+EGL or OSMesa is taken, whichever works here; `MUJOCO_GL=egl` or `MUJOCO_GL=osmesa` decides it instead. Where
+neither works, one sentence says so once, and everything that would have been drawn is None.
+
+    renderer = make_renderer(model)
+    if renderer is not None:
+        write_mp4("out.mp4", [renderer.draw(qpos) for qpos in episode])
+"""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import os
+import subprocess
+import sys
+import warnings
+from collections.abc import Iterable
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+BACKENDS = ("egl", "osmesa")
+CAMERA = "workplace"
+NOTICE = (
+    "Nothing is drawn: neither EGL nor OSMesa works here (on Debian: apt-get install libosmesa6); "
+    "everything else goes on without pictures."
+)
+_PROBE = """
+import importlib, sys, mujoco
+context = importlib.import_module("mujoco." + sys.argv[1]).GLContext(16, 16)
+context.make_current()
+mujoco.MjrContext(mujoco.MjModel.from_xml_string("<mujoco/>"), mujoco.mjtFontScale.mjFONTSCALE_100.value).free()
+context.free()
+"""
+
+
+@functools.cache
+def backend() -> str | None:
+    """Returns the first of EGL and OSMesa that works, tried in a process of its own; None and a warning if none does."""
+    wanted = os.environ.get("MUJOCO_GL", "").lower() or os.environ.get("PYOPENGL_PLATFORM", "").lower()
+    for name in (wanted,) if wanted in BACKENDS else BACKENDS:
+        environment = {**os.environ, "MUJOCO_GL": name, "PYOPENGL_PLATFORM": name}
+        probe = subprocess.run([sys.executable, "-c", _PROBE, name], env=environment, capture_output=True)
+        if probe.returncode == 0:
+            return name
+    warnings.warn(NOTICE, stacklevel=2)
+    return None
+
+
+class Renderer:
+    """Draws states of one model from a fixed camera; see `make_renderer`.
+
+    Args:
+        model: compiled scene.
+        graphics: `egl` or `osmesa`.
+        height: pixels.
+        width: pixels.
+        camera: name of a camera of the model.
+    """
+
+    def __init__(self, model: mujoco.MjModel, graphics: str, height: int, width: int, camera: str):
+        if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, camera) < 0:
+            valid = ", ".join(repr(model.camera(i).name) for i in range(model.ncam)) or "none"
+            raise ValueError(f"no camera is called {camera!r}; valid: {valid}")
+        self.model, self.camera, self._data = model, camera, mujoco.MjData(model)
+        _choose(graphics)
+        self._renderer = mujoco.Renderer(model, height, width)
+
+    def draw(self, qpos: np.ndarray) -> np.ndarray:
+        """Image (height, width, 3) uint8 of the joint positions `qpos` (nq,): a row of a batch, array or CPU tensor."""
+        positions = np.asarray(qpos, dtype=np.float64)
+        if positions.shape != (self.model.nq,):
+            raise ValueError(
+                f"joint positions of one state have shape ({self.model.nq},), got {positions.shape}"
+            )
+        self._data.qpos[:] = positions
+        mujoco.mj_kinematics(self.model, self._data)
+        mujoco.mj_camlight(self.model, self._data)
+        self._renderer.update_scene(self._data, self.camera)
+        return self._renderer.render()
+
+    def close(self) -> None:
+        """Gives back the graphics context."""
+        self._renderer.close()
+
+
+def make_renderer(
+    model: mujoco.MjModel, height: int = 480, width: int = 640, camera: str = CAMERA
+) -> Renderer | None:
+    """Returns a renderer of `model`, or None where nothing can be drawn.
+
+    Raises:
+        ValueError: the model has no camera of that name.
+    """
+    graphics = backend()
+    return None if graphics is None else Renderer(model, graphics, height, width, camera)
+
+
+def _choose(graphics: str) -> None:
+    """Makes MuJoCo take `graphics`: it reads MUJOCO_GL when it is imported, which may have been long ago."""
+    if os.environ.get("MUJOCO_GL") != graphics:
+        os.environ["MUJOCO_GL"] = os.environ["PYOPENGL_PLATFORM"] = graphics
+        importlib.reload(importlib.import_module("mujoco.rendering.classic.gl_context"))
+
+
+def write_png(path: str | Path, image: np.ndarray) -> None:
+    """Writes an image (height, width, 3) uint8."""
+    from matplotlib import image as matplotlib_image
+
+    Path(path).parent.mkdir(parents=True, exist_ok=True)
+    matplotlib_image.imsave(path, np.ascontiguousarray(image))
+
+
+def write_mp4(path: str | Path, frames: Iterable[np.ndarray], frames_per_second: float = 20.0) -> None:
+    """Writes images (height, width, 3) uint8 as H.264; at 20 a second, 10 Hz control is shown at twice its speed."""
+    import imageio.v2 as imageio
+
+    Path(path).parent.mkdir(parents=True, exist_ok=True)
+    with imageio.get_writer(path, format="FFMPEG", fps=frames_per_second, macro_block_size=8) as film:  # pyright: ignore
+        for frame in frames:
+            film.append_data(frame)
