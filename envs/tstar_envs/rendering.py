@@ -39,7 +39,7 @@ context.free()
 
 @functools.cache
 def backend() -> str | None:
-    """Returns the first of EGL and OSMesa that works, tried in a process of its own; None and a warning if none does."""
+    """Returns the first of EGL and OSMesa that works, tried in its own process; None, and a warning, if none does."""
     wanted = os.environ.get("MUJOCO_GL", "").lower() or os.environ.get("PYOPENGL_PLATFORM", "").lower()
     for name in (wanted,) if wanted in BACKENDS else BACKENDS:
         environment = {**os.environ, "MUJOCO_GL": name, "PYOPENGL_PLATFORM": name}
