@@ -16,7 +16,7 @@ from tstar_envs.physics.cpu import CpuPhysics
 from tstar_envs.scene import SUBSTEPS, build_model
 from tstar_envs.settings import TaskSettings
 from tstar_envs.state_edit import StateEditor
-from tstar_envs.tasks.assembly import NUM_ACTIONS, Assembly
+from tstar_envs.tasks.assembly import NUM_ACTIONS, Assembly, assign
 
 NUM_OBSERVATIONS_ROBOT, NUM_PHASES = 29, 8
 
@@ -92,16 +92,11 @@ class BatchedEnvironment:
         """Starts new episodes from snapshots, at the beginning of the subtask that each is at.
 
         Raises:
-            ValueError: the environment is for one subtask and a snapshot is at another.
+            ValueError: a snapshot is at another subtask than the environment's, or has nothing left to assemble.
         """
         mask = self._all() if mask is None else mask
+        self._check_subtask(snapshot["task", "subtask"][mask])
         self.restore(snapshot, mask)
-        found = self.state["subtask"][mask]
-        if self.subtask is not None and bool((found != self.subtask).any()):
-            raise ValueError(
-                f"episodes of subtask {self.subtask} of {self.name} cannot start from snapshots of subtask "
-                f"{found[found != self.subtask][0].item()}; take states in which subtask {self.subtask} begins"
-            )
         self.task.begin_subtask(self.state, mask)
         self.task.begin_episode(self.state, mask)
 
@@ -143,9 +138,7 @@ class BatchedEnvironment:
             raise ValueError(f"a snapshot of {self.num_sims} simulations is needed, got {tuple(snapshot.batch_size)}")
         mask = self._all() if mask is None else mask
         self.physics.set_state(snapshot["physics"], snapshot["welds"], mask)
-        for name, value in snapshot["task"].items():
-            where = mask.reshape(-1, *[1] * (value.ndim - 1))
-            self.state[name] = torch.where(where, value, self.state[name])
+        assign(self.state, snapshot["task"], mask)
 
     def qpos_of(self, snapshot: TensorDict) -> Tensor:
         """Joint positions (n, nq) of snapshots [n]; see `state_edit`."""
@@ -154,6 +147,15 @@ class BatchedEnvironment:
     def with_qpos(self, snapshot: TensorDict, qpos: Tensor) -> tuple[TensorDict, Tensor]:
         """Snapshots [n] at positions (n, nq), and which are possible, (n,); see `state_edit`."""
         return self._editor.with_qpos(snapshot, qpos)
+
+    def _check_subtask(self, found: Tensor) -> None:
+        wrong = found >= self.num_subtasks if self.subtask is None else found != self.subtask
+        if bool(wrong.any()):
+            asked = "the whole task" if self.subtask is None else f"subtask {self.subtask}"
+            raise ValueError(
+                f"episodes of {asked} of {self.name} cannot start from snapshots of subtask "
+                f"{found[wrong][0].item()}; take states in which a subtask of theirs begins"
+            )
 
     def _bury(self, failed: Tensor) -> None:
         """Counts failed simulations and gives them a valid state to wait in for their reset."""

@@ -30,8 +30,7 @@ class TaskSettings:
     arm_noise: float = 1e-3
     """Start noise of the arm's joints, rad, uniform."""
     preassembled: str = "ideal"
-    """Where earlier steps are preassembled: `ideal`, as drawn, or `jitter` about the allowed turn nearest to how the
-    part lay, which is how a robot leaves it."""
+    """Where earlier steps are preassembled: `ideal`ly, or with `jitter` about it."""
     jitter: float = 0.012
     """With `jitter`: offset of the moving connector in the target connector's plane and away from it."""
     jitter_degrees: float = 5.0

@@ -21,8 +21,8 @@ RATE = 6.0
 """Proportional gain, 1/s: at 10 Hz a step closes 60% of an error."""
 MAX_SPEED, MAX_TURN = 0.5, 2.5
 """Limits of the hand, m/s and rad/s; joint limits usually bind first."""
-HOVER, CARRY, APPROACH = 0.06, 0.12, 0.03
-"""Heights, m: hand over the grasp point, connector's lift before turning, connector over the target before lowering."""
+HOVER, APPROACH = 0.06, 0.03
+"""Heights, m: the hand over the grasp point, the connector over its target before it is lowered."""
 GRASP_DEPTH = 0.008
 """How far below the grasp point the tip goes, m."""
 
@@ -96,15 +96,11 @@ class Assembler:
         return scene.target_connector[:, 2] + length + APPROACH + 0.01
 
     def _connector_frames(self, state: TensorDict) -> tuple[Tensor, Tensor]:
-        """World frames (N, 3, 3) of the moving connector and of its goal at the nearest allowed turn."""
+        """World frames (N, 3, 3) of the moving connector and of its goal, at the turn that the recipe names."""
         tables, k = self.task.tables, self.task._step_index(state)
         poses, rows = self.task.part_poses, torch.arange(self.physics.num_sims, device=self.physics.device)
         moving = geometry.quat_to_matrix(poses[rows, tables.moving[k], 3:]) @ tables.moving_frame[k]
-        target = geometry.quat_to_matrix(poses[rows, tables.target[k], 3:]) @ tables.target_frame[k]
-        turns = geometry.quat_to_matrix(geometry.yaw_quat(tables.allowed_angles[k]))  # (N, R, 3, 3)
-        goals = target.unsqueeze(1) @ turns
-        best = (goals * moving.unsqueeze(1)).sum((-1, -2)).argmax(dim=-1)
-        return moving, goals[rows, best]
+        return moving, geometry.quat_to_matrix(poses[rows, tables.target[k], 3:]) @ tables.goal_frame[k]
 
     def _twist(self, offset: Tensor, turn: Tensor, still: Tensor) -> Tensor:
         linear = controller.clip_norm(RATE * offset, MAX_SPEED)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-DAMPING = 0.01
+DAMPING = 0.003
 
 
 def joint_velocities(anchors: Tensor, axes: Tensor, point: Tensor, twist: Tensor) -> Tensor:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import warnings
 
 import mujoco
@@ -59,15 +60,15 @@ class CpuPhysics:
         return self._advance(mask.numpy(), substeps)
 
     def forward(self, mask: Tensor | None = None) -> None:
-        try:
+        # An error leaves the state untouched: the next step meets it again and reports it as a failure.
+        with contextlib.suppress(mj_batch.SimulationError):
             self.batch.forward(ids=None if mask is None else mask.numpy(), stage=_CURRENT)
-        except mj_batch.SimulationError:
-            # The state is untouched: the next step meets the same error and reports it as a failure.
-            pass
 
     def clear(self, mask: Tensor) -> None:
         self.batch.reset(ids=mask.numpy(), stage=mujoco.mjtStage.mjSTAGE_NONE.value)
         self.eq_data[mask] = torch.from_numpy(self.model.eq_data)
+        # The reset zeroes the counters: without this the next step would take the change for a new failure.
+        self._warnings[mask.numpy()] = self.batch.warning[mask.numpy()]
 
     def state(self) -> Tensor:
         return self._state.clone()

@@ -6,7 +6,7 @@ Source: environment.md.
 from __future__ import annotations
 
 import torch
-from tensordict import TensorDict
+from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 
 from tstar_envs import geometry
@@ -74,13 +74,13 @@ class Assembly:
         self.starts.place(mask, first)
         fresh = self.new_state()
         fresh["subtask"].fill_(first)
-        _assign(state, fresh, mask)
+        assign(state, fresh, mask)
         self.begin_subtask(state, mask)
 
     def begin_episode(self, state: TensorDict, mask: Tensor) -> None:
         """Starts the episode clocks of simulations that were put into a restored state."""
-        fresh = self.new_state().select("step", "episode_step", "completed", "success", "wrong", "failed", "disturbed")
-        _assign(state, fresh, mask)
+        fresh = self.new_state().select("episode_step", "completed", "success", "wrong", "failed", "disturbed")
+        assign(state, fresh, mask)
 
     def begin_subtask(self, state: TensorDict, mask: Tensor) -> None:
         """Sets what the reward remembers for the subtask that `state` names, in the simulations of `mask`."""
@@ -93,7 +93,7 @@ class Assembly:
         fresh["lift_point"].copy_(scene.part + self.tables.waypoint[self._step_index(state)])
         fresh["potential"].copy_(self._potentials(scene, fresh))
         kept = ("subtask", "episode_step", "completed", "reward", "success", "wrong", "failed", "disturbed")
-        _assign(state, fresh.exclude(*kept), mask)
+        assign(state, fresh.exclude(*kept), mask)
 
     def before_step(self, state: TensorDict, action: Tensor) -> None:
         grip = action[:, GRIPPER : GRIPPER + 1]
@@ -104,7 +104,6 @@ class Assembly:
     def after_step(self, state: TensorDict, action: Tensor, failed: Tensor) -> None:
         scene = self.scene(state)
         state["episode_step"] = state["episode_step"] + 1
-        state["step"] = state["step"] + 1
         asks = (action[:, CONNECT] > 0) & ~failed
         connected = asks & scene.touching & scene.alignment.aligned
         state["wrong"] = self._wrong_connection(state, asks & ~connected)
@@ -207,7 +206,6 @@ class Assembly:
         asking = 10.0 * (action[:, CONNECT] + 1) * ((phase == 7) & scene.alignment.aligned & ~connected)
         bonus = paid + 0.5 * self._bonuses[4] * raised + asking - state["asked"] * connected
 
-        state["dropped"] = state["dropped"] | lost
         moved = (scene.target_connector - state["start_target"]).norm(dim=-1)
         every_step = (
             -0.001 * action[:, : sawyer.NUM_JOINTS].norm(dim=-1)
@@ -237,13 +235,14 @@ class Assembly:
         self.begin_subtask(state, mask)
 
 
-_WHOLE = ("subtask", "phase", "step", "episode_step", "completed")
+_WHOLE = ("subtask", "phase", "episode_step", "completed")
 _REAL = ("reward", "grip_action", "asked")
-_FLAGS = ("half_paid", "dropped", "success", "wrong", "failed", "disturbed")
+_FLAGS = ("half_paid", "success", "wrong", "failed", "disturbed")
 _POINTS = ("start_tip", "start_target", "lift_point")
 
 
-def _assign(state: TensorDict, fresh: TensorDict, mask: Tensor) -> None:
+def assign(state: TensorDict, fresh: TensorDictBase, mask: Tensor) -> None:
+    """Replaces entries of `state` by those of `fresh` in the simulations of `mask`; never writes in place."""
     for name, value in fresh.items():
         where = mask.reshape(-1, *[1] * (value.ndim - 1))
         state[name] = torch.where(where, value, state[name])

@@ -28,8 +28,7 @@ class EpisodeStarts:
         home = torch.tensor([*sawyer.HOME_QPOS, *sawyer.FINGER_OPEN], dtype=torch.float64, device=physics.device)
         self._home = home
         self._jittered = settings.preassembled == "jitter"
-        pose = tables.nearest_relative_pose if self._jittered else tables.ideal_relative_pose
-        self._ideal = [pose(k) for k in range(tables.num_steps)]
+        self._ideal = [tables.ideal_relative_pose(k) for k in range(tables.num_steps)]
 
     def place(self, mask: Tensor, subtask: int) -> None:
         """Starts the simulations of `mask` at `subtask`, with the steps before it preassembled.

@@ -34,33 +34,25 @@ class RecipeTables:
         self.grasp_axis = rows(grasp.axis for grasp in grasps)
         self.grip_direction = rows(step.grip_angle for step in furniture.steps)
         self.waypoint = rows(step.waypoint for step in furniture.steps)
-        self.angle = rows(step.angle for step in furniture.steps)
+        angles = rows(step.angle for step in furniture.steps)
+        self.goal_quat = geometry.quat_mul(self.target_connector[:, 3:], geometry.yaw_quat(angles))
+        """(K, 4): the moving connector's frame in the target part's frame when the step is made exactly."""
+        self.goal_frame = geometry.quat_to_matrix(self.goal_quat)
         self.allowed_angles = rows(padded(moving.allowed_angles for moving, _ in connectors))
         self.z_finedist = furniture.z_finedist
         self.group = _groups(self.moving, self.target, self.num_parts)
         self.initial_pose = rows(part.initial_pose for part in furniture.parts)
 
     def ideal_relative_pose(self, step: int) -> Tensor:
-        """Pose (7,) of the moving part in the target part's frame when step `step` is made exactly, as drawn."""
-        return self._relative_pose(step, self.angle[step])
+        """Pose (7,) of the moving part in the target part's frame when step `step` is made exactly.
 
-    def nearest_relative_pose(self, step: int) -> Tensor:
-        """As `ideal_relative_pose`, at the allowed turn nearest to how the part lies at the start.
-
-        That is the turn a robot makes. The quaternion's sign continues that of the start pose, as physics does.
+        The quaternion's sign continues that of the start pose, as physics does.
         """
-        target = self.initial_pose[self.target[step], 3:]
-        start = self.initial_pose[self.moving[step], 3:]
-        poses = torch.stack([self._relative_pose(step, angle) for angle in self.allowed_angles[step]])
-        cosines = geometry.quat_mul(target.expand(len(poses), 4), poses[:, 3:]) @ start
-        best = cosines.abs().argmax()
-        return torch.cat([poses[best, :3], poses[best, 3:] * cosines[best].sign()])
-
-    def _relative_pose(self, step: int, angle: Tensor) -> Tensor:
-        turned = geometry.quat_mul(self.target_connector[step, 3:], geometry.yaw_quat(angle))
-        quat = geometry.quat_mul(turned, geometry.quat_conj(self.moving_connector[step, 3:]))
+        quat = geometry.quat_mul(self.goal_quat[step], geometry.quat_conj(self.moving_connector[step, 3:]))
         pos = self.target_connector[step, :3] - geometry.quat_rotate(quat, self.moving_connector[step, :3])
-        return torch.cat([pos, quat])
+        made = geometry.quat_mul(self.initial_pose[self.target[step], 3:], quat)
+        sign = torch.where(made @ self.initial_pose[self.moving[step], 3:] < 0, -1.0, 1.0)
+        return torch.cat([pos, quat * sign])
 
 
 def _part_indices(furniture: Furniture, names: list[str], device: torch.device) -> Tensor:
