@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import torch
@@ -11,7 +12,7 @@ from torch import Tensor
 from torchrl.data import Binary, Bounded, Categorical, Composite, Unbounded
 from torchrl.envs import EnvBase
 
-from tstar_envs import geometry
+from tstar_envs import geometry, rendering
 from tstar_envs.environment import BatchedEnvironment
 from tstar_envs.tasks.assembly import NUM_ACTIONS
 from tstar_envs.tasks.phase_reward import PHASES
@@ -116,6 +117,15 @@ class FurnitureEnv(EnvBase):
             "allowed_angles": tables.allowed_angles[subtask].float(),
         }
 
+    def write_mp4(self, path: str | Path, positions: Tensor) -> bool:
+        """Films joint positions (T, nq); False, after one warning, where nothing can draw."""
+        renderer = rendering.make_renderer(self.world.model)
+        if renderer is None:
+            return False
+        rendering.write_mp4(path, (renderer.draw(row) for row in positions))
+        renderer.close()
+        return True
+
     def expert(self, noise: float = 0.0, generator: torch.Generator | None = None) -> Callable:
         """The scripted assembly policy as a map of TensorDicts.
 
@@ -184,7 +194,7 @@ class FurnitureEnv(EnvBase):
 
     def _observe(self) -> TensorDict:
         state = self.world.state
-        out = {name: state[name].unsqueeze(-1) for name in ("subtask", "phase", "completed", "success")}
+        out = {name: state[name].unsqueeze(-1).clone() for name in ("subtask", "phase", "completed", "success")}
         out["observation"] = self.world.observation().float()
         if self.snapshots:
             out["snapshot"] = self.snapshot()

@@ -1,1 +1,5 @@
 """The world: furniture, robot, physics and the batched assembly task. No learning, no TorchRL."""
+
+from tstar_envs.registry import load, names
+
+__all__ = ["load", "names"]

@@ -138,7 +138,7 @@ class BatchedEnvironment:
             raise ValueError(f"a snapshot of {self.num_sims} simulations is needed, got {tuple(snapshot.batch_size)}")
         mask = self._all() if mask is None else mask
         self.physics.set_state(snapshot["physics"], snapshot["welds"], mask)
-        assign(self.state, snapshot["task"], mask)
+        assign(self.state, snapshot["task"].select(*self.state.keys()), mask)
 
     def qpos_of(self, snapshot: TensorDict) -> Tensor:
         """Joint positions (n, nq) of snapshots [n]; see `state_edit`."""
