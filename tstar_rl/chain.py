@@ -1,19 +1,23 @@
-"""The policy that runs skills one after another."""
+"""Skills one after another: the policy that runs them, and the trials that decide what each hands over."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import torch
 from tensordict import TensorDictBase
 from tensordict.nn import TensorDictModuleBase
-from torch import nn
+from torch import Tensor, nn
+from torchrl.envs import ExplorationType, TransformedEnv, set_exploration_type
 
+from tstar_rl.collection import run_episodes
 from tstar_rl.skill import Skill
+from tstar_rl.state_sets import StateSet, TerminationSet
 
-__all__ = ["ChainPolicy"]
+__all__ = ["ChainPolicy", "keep_better", "seed_sets", "states", "try_out"]
 
 
 class ChainPolicy(TensorDictModuleBase):
-    """ "observation", "subtask" -> "action": each row acts with the policy of its own subtask.
+    """Map from "observation", "subtask" to "action": each row acts with the policy of its own subtask.
 
     Rows past the last subtask (the task is done) act with the last skill. Sampling follows TorchRL's
     `set_exploration_type`, as each skill's own policy does.
@@ -44,10 +48,56 @@ class ChainPolicy(TensorDictModuleBase):
                 continue
             part = policy(observation[rows])["action"]
             if action is None:
-                action = torch.zeros(
-                    (*subtask.shape, part.shape[-1]),
-                    dtype=part.dtype,
-                    device=part.device,
-                )
+                action = torch.zeros((*subtask.shape, part.shape[-1]), dtype=part.dtype, device=part.device)
             action[rows] = part
         return tensordict.set("action", action)
+
+
+def states(state_set: StateSet) -> Tensor:
+    """The observations in a set, (n, 72); n may be 0."""
+    return state_set.buffer[:]["observation"] if len(state_set) else torch.zeros(0, 72)
+
+
+def try_out(skill: Skill, env: TransformedEnv) -> tuple[float, TensorDictBase]:
+    """One deterministic episode of every simulation: the share that succeeds, and the last steps."""
+    with set_exploration_type(ExplorationType.DETERMINISTIC):
+        last = run_episodes(env, skill.policy)
+    return float(last["next", "success"].float().mean()), last
+
+
+def hand_over(skill: Skill, last: TensorDictBase) -> None:
+    """Lets the termination set be what this trial reached, and the initiation set grow by where it succeeded from."""
+    skill.termination_set = TerminationSet(skill.termination_set.capacity)
+    skill.termination_set.extend_from(last)
+    skill.initiation_set.extend_from(last)
+
+
+def seed_sets(skills: Sequence[Skill], make_trial: Callable[[int], TransformedEnv]) -> None:
+    """Tries the skills in order, each from where the one before arrives, so that every set has members."""
+    for index, skill in enumerate(skills):
+        _, last = try_out(skill, make_trial(index))
+        hand_over(skill, last)
+
+
+def keep_better(
+    skill: Skill, before: dict[str, Any], make_trial: Callable[[], TransformedEnv], margin: float
+) -> dict[str, float]:
+    """Puts a skill back to what it was unless it is now at least as good, less a margin, on the same episodes.
+
+    Whichever stays hands over what it reached.
+
+    Args:
+        skill: as trained.
+        before: its `network_state` before.
+        make_trial: makes the environment of the trial, each time with the same seed.
+        margin: in share of episodes.
+    """
+    after, last_after = try_out(skill, make_trial())
+    trained = skill.network_state()
+    skill.load_network_state(before)
+    was, last_before = try_out(skill, make_trial())
+    accepted = after >= was - margin
+    if accepted:
+        skill.load_network_state(trained)
+    hand_over(skill, last_after if accepted else last_before)
+    return {"trial_before": was, "trial_after": after, "accepted": int(accepted)}

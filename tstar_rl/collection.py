@@ -160,4 +160,7 @@ def rollout_metrics(rollout: TensorDictBase) -> dict[str, float]:
     for name in ("reward_env", "reward_gail", "reward_tsr", "reward"):
         if following.get(name, None) is not None:
             log[name] = float(following[name].mean())
+    if "reward_tsr" in log:
+        paid = following["reward_tsr"][following["success"]]
+        log["tsr_on_success"] = float(paid.mean()) if len(paid) else float("nan")
     return log

@@ -1,7 +1,7 @@
 """From the values in `configs/` to the objects of a run. The one file that knows how the sections are called."""
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,7 @@ __all__ = [
     "plain",
     "recipe",
     "settings",
+    "trial_environment",
 ]
 
 CONFIGS = Path(__file__).resolve().parent.parent / "configs"
@@ -92,6 +93,23 @@ def environment(
     )
     starts = starts(env) if callable(starts) else starts
     return with_starts(env, starts, 1.0 - config.chain.environment_share, seed)
+
+
+def trial_environment(config: DictConfig, skills: Sequence[Skill], trial: int, index: int) -> Any:
+    """Where the skill of subtask `index` is tried: from where the chain before it arrives, and 20% its own starts.
+
+    The seeds of each `trial` are its own, and no evaluation's.
+    """
+    chain = config.chain
+    return environment(
+        config,
+        index,
+        chain.trial_episodes,
+        derive_seed(config.seed, "validate", trial, index),
+        skills[index - 1].termination_set if index else None,
+        snapshots=True,
+        max_steps=chain.trial_max_steps,
+    )
 
 
 def new_skill(config: DictConfig, subtask: int | None) -> Skill:

@@ -2,15 +2,17 @@
 
 import math
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import torch
 from tensordict import TensorDictBase
+from torch import Tensor
 from torchrl.envs import ExplorationType, TransformedEnv, set_exploration_type
 
 from tstar_rl.collection import run_episodes
 
-__all__ = ["MODES", "evaluate", "success_share", "summarize", "wilson_interval"]
+__all__ = ["MODES", "Recorder", "evaluate", "summarize", "wilson_interval"]
 
 MODES = {
     "deterministic": ExplorationType.DETERMINISTIC,
@@ -85,7 +87,44 @@ def evaluate(
     return summarize(last, base.num_subtasks, getattr(base, "subtask", None))
 
 
-def success_share(policy: Callable, env: TransformedEnv) -> float:
-    """Share of deterministic episodes, one of every simulation, that succeed."""
-    with set_exploration_type(ExplorationType.DETERMINISTIC), torch.no_grad():
-        return float(run_episodes(env, policy)["next", "success"].float().mean())
+class Recorder:
+    """Remembers what the first simulations did, to film the first success and the first failure among them.
+
+    Args:
+        env: with `qpos_of` and `write_mp4`, and snapshots=True.
+        number: simulations to remember; 0 for none.
+    """
+
+    def __init__(self, env: Any, number: int) -> None:
+        self.env, self.number = env, number
+        self.positions: list[Tensor] = []
+        self.success: list[Tensor] = []
+        self.done: list[Tensor] = []
+
+    def __call__(self, tensordict: TensorDictBase) -> None:
+        """Takes the step's TensorDict, batch [N]."""
+        if self.number:
+            following = tensordict["next"][: self.number]
+            self.positions.append(self.env.qpos_of(following["snapshot"]).clone())
+            self.success.append(following["success"].squeeze(-1).clone())
+            self.done.append(following["done"].squeeze(-1).clone())
+
+    def write(self, folder: Path) -> list[Path]:
+        """Writes first_success.mp4 and first_failure.mp4, those that there are; returns their paths."""
+        written = []
+        if not self.number:
+            return written
+        positions, success, done = (
+            torch.stack(self.positions),
+            torch.stack(self.success),
+            torch.stack(self.done),
+        )
+        ends = done.int().argmax(0)  # the first step that ended each episode
+        won = success[ends, torch.arange(self.number)]
+        for name, rows in (("first_success", won), ("first_failure", ~won)):
+            if rows.any():
+                row = int(rows.int().argmax())
+                path = folder / f"{name}.mp4"
+                if self.env.write_mp4(path, positions[: int(ends[row]) + 1, row]):
+                    written.append(path)
+        return written

@@ -36,7 +36,7 @@ MACHINE_ONLY = (
 
 
 class MetricsLog:
-    """A CSV file that grows by rows with the same columns.
+    """A CSV file that grows by rows.
 
     Args:
         path: of the file. What is there is kept until `truncate`.
@@ -45,22 +45,16 @@ class MetricsLog:
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
         self.path.parent.mkdir(parents=True, exist_ok=True)
-        self.columns: list[str] | None = None
+        self.columns: list[str] = []
         self.rows = 0
 
     def append(self, row: Mapping[str, Any]) -> None:
-        """Adds one row and flushes it to disk.
-
-        Raises:
-            ValueError: if the row has a column that the first one had not.
-        """
-        if self.columns is None:
-            self.columns = list(row)
-        unknown = [name for name in row if name not in self.columns]
-        if unknown:
-            raise ValueError(
-                f"{self.path} has columns {', '.join(self.columns)}; got {', '.join(unknown)} too"
-            )
+        """Adds one row and flushes it to disk. A name that is new becomes a column, empty in the rows before."""
+        new = [name for name in row if name not in self.columns]
+        if new and self.rows:
+            table = pd.read_csv(self.path, dtype=str, keep_default_na=False)
+            table.assign(**dict.fromkeys(new, "")).to_csv(self.path, index=False)
+        self.columns += new
         frame = pd.DataFrame([row], columns=self.columns)
         frame.to_csv(self.path, mode="a" if self.rows else "w", header=not self.rows, index=False)
         self.rows += 1
@@ -69,7 +63,7 @@ class MetricsLog:
         """Keeps the first `rows` rows; the columns are those of the file."""
         if rows == 0:
             self.path.unlink(missing_ok=True)
-            self.columns, self.rows = None, 0
+            self.columns, self.rows = [], 0
             return
         lines = self.path.read_text().splitlines(keepends=True)
         if len(lines) < rows + 1:

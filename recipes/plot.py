@@ -1,0 +1,28 @@
+"""Learning curves of every run of a task as PNG files beside them, and the table of evaluations on screen.
+
+python recipes/plot.py task=table_lack
+"""
+
+from pathlib import Path
+
+from omegaconf import DictConfig
+
+from tstar_rl.configuration import recipe
+from tstar_rl.plotting import evaluation_table, learning_curves, read_evaluations, read_metrics
+
+
+@recipe("plot")
+def main(config: DictConfig) -> None:
+    """Draws and prints."""
+    metrics, task = read_metrics(config.results_dir), config.task.name
+    if metrics.empty:
+        raise SystemExit(f"no metrics.csv below {config.results_dir}: train something first")
+    for name, rows in metrics[metrics.task == task].groupby("recipe"):
+        print(learning_curves(rows, Path(config.results_dir) / task / str(name) / "curves.png"))
+    evaluations = read_evaluations(config.results_dir)
+    if not evaluations.empty and (evaluations.subtask == -1).any():
+        print(evaluation_table(evaluations).round(3).to_string())
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,90 @@
+"""Policy Sequencing: fine-tunes trained skills on starts like those that the skill before leaves.
+
+    python recipes/policy_sequencing.py task=table_lack scale=laptop seed=0
+
+With `bonus=0.45 recipe=policy_sequencing_bonus` every success is paid lambda_3 times that number: what T-STAR's
+terminal reward would do if its discriminator told nothing apart.
+"""
+
+from functools import partial
+
+import torch
+from omegaconf import DictConfig
+from torchrl.envs import Compose
+
+from tstar_rl.chain import keep_better, seed_sets
+from tstar_rl.collection import Collection, derive_seed, rollout_metrics
+from tstar_rl.configuration import (
+    environment,
+    explore,
+    load_demonstrations,
+    load_skills,
+    plain,
+    recipe,
+    settings,
+    trial_environment,
+)
+from tstar_rl.logging import Run
+from tstar_rl.state_sets import TerminalGaussian
+from tstar_rl.transforms import ConstantBonus, GAILReward, RewardMixture, TerminalStateReward
+from tstar_rl.updates import DiscriminatorSettings, PolicyUpdate, PPOSettings, make_f_phi_update
+
+
+@recipe("policy_sequencing")
+def main(config: DictConfig) -> None:
+    """Algorithm 1, lines 8 to 18, less what is red in it. A turn trains one skill; the others stand still."""
+    skills = load_skills(config, checkpoint=config.from_checkpoint)
+    experts = [load_demonstrations(config, index) for index in range(len(skills))]
+    turns, training = config.chain.rounds * len(skills), config.training
+    frames = training.num_envs * training.horizon
+    rollouts = max(config.chain.steps_per_turn // frames, 1)
+    run = Run(plain(config), None, turns * rollouts * frames)
+    steps = run.start(**{f"skill{index}": skill for index, skill in enumerate(skills)})
+    if run.turn == 0:
+        seed_sets(skills, partial(trial_environment, config, skills, 0))
+
+    while run.turn < turns:
+        index, seed = run.turn % len(skills), derive_seed(config.seed, "train", run.turn)
+        torch.manual_seed(seed)
+        skill, before = skills[index], skills[index].network_state()
+        starts = (
+            partial(TerminalGaussian, termination_set=skills[index - 1].termination_set) if index else None
+        )
+        env = environment(
+            config, index, training.num_envs, seed, starts, snapshots=True, max_steps=training.max_steps
+        )
+        collection = Collection(env, skill.policy, training.horizon)
+        update_f_phi = make_f_phi_update(skill.f_phi, settings(DiscriminatorSettings, config.f_phi), seed)
+        update_policy = PolicyUpdate(
+            skill.policy, skill.value, settings(PPOSettings, config.ppo), skill.return_scale, seed
+        )
+        reward = [GAILReward(skill.f_phi)]
+        if config.bonus is not None:
+            reward.append(TerminalStateReward(ConstantBonus(config.bonus)))
+        reward = Compose(*reward, RewardMixture(**config.reward))
+
+        for number in range(rollouts):
+            explore(skill, config, 1.0)
+            rollout = collection.rollout()
+            steps += rollout.numel()
+            skill.termination_set.extend_from(rollout)
+            log = update_f_phi(experts[index].observations, rollout["observation"])
+            rollout = reward(rollout)
+            log |= update_policy(rollout, steps / run.total)
+            if index:
+                log |= {f"gaussian_{name}": count for name, count in env.transform[-1].starts.counts.items()}
+            if config.chain.gate and number == rollouts - 1:
+                make_trial = partial(trial_environment, config, skills, run.turn + 1, index)
+                log |= keep_better(skill, before, make_trial, config.chain.gate_margin)
+            run.log(steps, skill=index, round=run.turn // len(skills), **rollout_metrics(rollout), **log)
+        collection.close()
+        run.turn += 1
+        run.save_if_due(0)
+
+    for index, skill in enumerate(skills):
+        skill.save(run.work / "last" / f"skill{index}", recipe=config.recipe, env_steps=steps)
+    run.finish()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,98 @@
+"""T-STAR: fine-tunes trained skills so that each ends where the next can start.
+
+python recipes/tstar.py task=table_lack scale=laptop seed=0
+"""
+
+from functools import partial
+
+import torch
+from omegaconf import DictConfig
+from torchrl.envs import Compose
+
+from tstar_rl.chain import keep_better, seed_sets, states
+from tstar_rl.collection import Collection, derive_seed, rollout_metrics
+from tstar_rl.configuration import (
+    environment,
+    explore,
+    load_demonstrations,
+    load_skills,
+    plain,
+    recipe,
+    settings,
+    trial_environment,
+)
+from tstar_rl.logging import Run
+from tstar_rl.transforms import GAILReward, RewardMixture, TerminalStateReward
+from tstar_rl.updates import (
+    DiscriminatorSettings,
+    PolicyUpdate,
+    PPOSettings,
+    make_d_omega_update,
+    make_f_phi_update,
+)
+
+
+@recipe("tstar")
+def main(config: DictConfig) -> None:
+    """Algorithm 1, lines 8 to 18. A turn trains one skill; the others stand still."""
+    skills = load_skills(config, checkpoint=config.from_checkpoint)
+    experts = [load_demonstrations(config, index) for index in range(len(skills))]
+    turns, training = config.chain.rounds * len(skills), config.training
+    frames = training.num_envs * training.horizon
+    rollouts = max(config.chain.steps_per_turn // frames, 1)
+    run = Run(plain(config), None, turns * rollouts * frames)
+    steps = run.start(**{f"skill{index}": skill for index, skill in enumerate(skills)})
+    if run.turn == 0:
+        seed_sets(skills, partial(trial_environment, config, skills, 0))
+
+    while run.turn < turns:
+        index, seed = run.turn % len(skills), derive_seed(config.seed, "train", run.turn)
+        torch.manual_seed(seed)
+        skill, before = skills[index], skills[index].network_state()
+        following = skills[index + 1] if index + 1 < len(skills) else None
+        starts = skills[index - 1].termination_set if index else None  # 80%; 20% the environment's own
+        env = environment(
+            config, index, training.num_envs, seed, starts, snapshots=True, max_steps=training.max_steps
+        )
+        collection = Collection(env, skill.policy, training.horizon)
+        update_f_phi = make_f_phi_update(skill.f_phi, settings(DiscriminatorSettings, config.f_phi), seed)
+        update_policy = PolicyUpdate(
+            skill.policy, skill.value, settings(PPOSettings, config.ppo), skill.return_scale, seed
+        )
+        reward = [GAILReward(skill.f_phi)]
+        weights = dict(config.reward)
+        if following is not None:
+            update_d_omega = make_d_omega_update(
+                following.d_omega, settings(DiscriminatorSettings, config.d_omega), seed
+            )
+            reward.append(TerminalStateReward(following.d_omega, **config.terminal_reward))
+        else:
+            weights["lambda_3"] = 0.0  # nothing starts where the last skill ends
+        reward = Compose(*reward, RewardMixture(**weights))
+
+        for number in range(rollouts):
+            explore(skill, config, 1.0)
+            rollout = collection.rollout()
+            steps += rollout.numel()
+            skill.initiation_set.extend_from(rollout)
+            skill.termination_set.extend_from(rollout)
+            log = update_f_phi(experts[index].observations, rollout["observation"])
+            if following is not None:
+                log |= update_d_omega(states(following.initiation_set), states(skill.termination_set))
+            rollout = reward(rollout)
+            log |= update_policy(rollout, steps / run.total)
+            if config.chain.gate and number == rollouts - 1:
+                make_trial = partial(trial_environment, config, skills, run.turn + 1, index)
+                log |= keep_better(skill, before, make_trial, config.chain.gate_margin)
+            run.log(steps, skill=index, round=run.turn // len(skills), **rollout_metrics(rollout), **log)
+        collection.close()
+        run.turn += 1
+        run.save_if_due(0)
+
+    for index, skill in enumerate(skills):
+        skill.save(run.work / "last" / f"skill{index}", recipe=config.recipe, env_steps=steps)
+    run.finish()
+
+
+if __name__ == "__main__":
+    main()
