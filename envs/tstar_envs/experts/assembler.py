@@ -19,8 +19,8 @@ from tstar_envs.tasks.phase_reward import Scene
 
 RATE = 6.0
 """Proportional gain, 1/s: at 10 Hz a step closes 60% of an error."""
-MAX_SPEED, MAX_TURN = 0.5, 2.5
-"""Limits of the hand, m/s and rad/s; joint limits usually bind first."""
+MAX_SPEED, MAX_TURN = 0.4, 1.4
+"""Limits of the hand, m/s and rad/s: turning a held part faster loses it."""
 HOVER, APPROACH = 0.06, 0.03
 """Heights, m: the hand over the grasp point, the connector over its target before it is lowered."""
 GRASP_DEPTH = 0.008
