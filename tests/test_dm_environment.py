@@ -1,0 +1,113 @@
+"""The dm_env front: dm_env's own contract, and the same bits as the batched environment."""
+
+import dm_env
+import numpy as np
+import pytest
+import torch
+from absl.testing import absltest
+from dm_env import test_utils
+
+from tstar_envs import load_dm
+from tstar_envs.environment import BatchedEnvironment
+
+TASK = "table_lack"
+
+
+class TestContract(test_utils.EnvironmentTestMixin, absltest.TestCase):
+    """dm_env's tests, over more than one episode."""
+
+    def make_object_under_test(self):
+        return load_dm(TASK, subtask=0, seed=0, max_steps=6)
+
+    def make_action_sequence(self):
+        rng = np.random.default_rng(0)
+        for _ in range(20):
+            yield rng.uniform(-1, 1, 9)
+
+
+def test_the_whole_task_can_be_loaded():
+    env = load_dm(TASK, seed=0)
+    step = env.reset()
+    assert step.observation["observation"].shape == (72,) and step.observation["subtask"] == 0
+
+
+def test_a_time_limit_truncates_with_discount_one():
+    env = load_dm(TASK, subtask=1, seed=0, max_steps=3)
+    steps = [env.reset(), *(env.step(np.zeros(9)) for _ in range(4))]
+    kinds = [step.step_type for step in steps]
+    first, mid, last = dm_env.StepType.FIRST, dm_env.StepType.MID, dm_env.StepType.LAST
+    assert kinds == [first, mid, mid, last, first]
+    assert steps[3].discount == 1.0 and not env.success
+
+
+def test_the_same_seed_gives_the_same_episode():
+    actions = np.random.default_rng(0).uniform(-1, 1, (5, 9))
+    runs = [
+        [env.reset(), *(env.step(a) for a in actions)]
+        for env in (load_dm(TASK, 0, seed=7), load_dm(TASK, 0, seed=7))
+    ]
+    for one, other in zip(*runs, strict=True):
+        np.testing.assert_array_equal(one.observation["observation"], other.observation["observation"])
+        assert one.reward == other.reward
+    different = load_dm(TASK, 0, seed=8).reset()
+    assert (different.observation["observation"] != runs[0][0].observation["observation"]).any()
+
+
+def test_steps_are_the_same_bits_as_in_the_batch():
+    """Rows of a batch that has been running, with a weld active, against one simulation each."""
+    batch = BatchedEnvironment(TASK, num_sims=3, subtask=1, nthread=2, seed=3)
+    batch.reset()
+    expert = batch.expert()
+    for _ in range(12):
+        batch.step(expert.act(batch.state))
+    snapshot = batch.snapshot()
+    actions = torch.rand(20, 3, 9, dtype=torch.float64, generator=torch.Generator().manual_seed(0)) * 2 - 1
+    batch.reset_to(snapshot)
+    expected = []
+    for action in actions:
+        batch.step(action)
+        expected.append((batch.observation().clone(), batch.task.get_reward(batch.state).clone()))
+    for row in range(3):
+        env = load_dm(TASK, subtask=1, seed=0)
+        env.reset_to(snapshot[row : row + 1])
+        for action, (observation, reward) in zip(actions, expected, strict=True):
+            step = env.step(action[row].numpy())
+            np.testing.assert_array_equal(step.observation["observation"], observation[row].numpy())
+            assert step.reward == float(reward[row])
+
+
+def test_observations_are_not_views_of_the_simulation():
+    env = load_dm(TASK, subtask=0, seed=0)
+    first = env.reset().observation["observation"]
+    kept = first.copy()
+    env.step(np.ones(9))
+    np.testing.assert_array_equal(first, kept)
+
+
+@pytest.mark.parametrize(
+    "make, message",
+    [
+        (lambda: load_dm("table_lak"), "no furniture is called 'table_lak': did you mean 'table_lack'"),
+        (lambda: load_dm(TASK, subtask=4), r"in 0..3, got 4"),
+        (
+            lambda: load_dm(TASK, velocity_scal=0.4),
+            "unknown task setting 'velocity_scal'.*did you mean 'velocity_scale'",
+        ),
+        (
+            lambda: load_dm(TASK, gripper="soft"),
+            "setting gripper must be one of sign, continuous; got 'soft'",
+        ),
+    ],
+)
+def test_mistakes_when_loading_are_told(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()
+
+
+def test_mistakes_when_stepping_are_told():
+    env = load_dm(TASK, subtask=0, seed=0)
+    env.reset()
+    with pytest.raises(ValueError, match=r"shape \(9,\), got \(8,\)"):
+        env.step(np.zeros(8))
+    with pytest.raises(ValueError, match="NaN"):
+        env.step(np.full(9, np.nan))
