@@ -91,7 +91,7 @@ def test_observations_are_not_views_of_the_simulation():
         (lambda: load_dm(TASK, subtask=4), r"in 0..3, got 4"),
         (
             lambda: load_dm(TASK, velocity_scal=0.4),
-            "unknown task setting 'velocity_scal'.*did you mean 'velocity_scale'",
+            "task setting 'velocity_scal'.*did you mean 'velocity_scale'",
         ),
         (
             lambda: load_dm(TASK, gripper="soft"),
