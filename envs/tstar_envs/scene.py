@@ -91,5 +91,5 @@ def _add_contact_sensors(spec: mujoco.MjSpec, furniture: Furniture) -> None:
 def _add_view(spec: mujoco.MjSpec) -> None:
     spec.worldbody.add_light(pos=(0, -1, 2.5), dir=(0, 0.4, -1), type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL)
     spec.worldbody.add_camera(
-        name="workplace", pos=(-0.95, -1.25, 0.95), fovy=45, xyaxes=(0.86, -0.51, 0, 0.25, 0.42, 0.87)
+        name="workplace", pos=(-0.95, -1.1, 0.85), fovy=48, xyaxes=(0.842, -0.539, 0, 0.211, 0.329, 0.920)
     )
