@@ -34,7 +34,7 @@ def main(config: DictConfig) -> None:
         seed,
     )
     run.log(0, **log)
-    skill.save(run.work / "last", recipe=config.recipe)
+    skill.save(run.work / "last", recipe=config.system)
     run.finish()
 
 

@@ -71,10 +71,10 @@ def main(config: DictConfig) -> None:
             skill.normalizer.update(rollout["observation"], config.normalizer.floor)
         run.log(steps, **rollout_metrics(rollout), **log)
         if run.improved:
-            skill.save(run.work / "best", recipe=config.recipe, env_steps=steps)
+            skill.save(run.work / "best", recipe=config.system, env_steps=steps)
         run.save_if_due(training.checkpoint_every)
 
-    skill.save(run.work / "last", recipe=config.recipe, env_steps=steps)
+    skill.save(run.work / "last", recipe=config.system, env_steps=steps)
     run.finish()
 
 

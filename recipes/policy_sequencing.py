@@ -2,7 +2,7 @@
 
     python recipes/policy_sequencing.py task=table_lack scale=laptop seed=0
 
-With `bonus=0.45 recipe=policy_sequencing_bonus` every success is paid lambda_3 times that number: what T-STAR's
+With `bonus=0.45 system=policy_sequencing_bonus` every success is paid lambda_3 times that number: what T-STAR's
 terminal reward would do if its discriminator told nothing apart.
 """
 
@@ -82,7 +82,7 @@ def main(config: DictConfig) -> None:
         run.save_if_due(0)
 
     for index, skill in enumerate(skills):
-        skill.save(run.work / "last" / f"skill{index}", recipe=config.recipe, env_steps=steps)
+        skill.save(run.work / "last" / f"skill{index}", recipe=config.system, env_steps=steps)
     run.finish()
 
 

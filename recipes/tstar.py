@@ -90,7 +90,7 @@ def main(config: DictConfig) -> None:
         run.save_if_due(0)
 
     for index, skill in enumerate(skills):
-        skill.save(run.work / "last" / f"skill{index}", recipe=config.recipe, env_steps=steps)
+        skill.save(run.work / "last" / f"skill{index}", recipe=config.system, env_steps=steps)
     run.finish()
 
 

@@ -9,8 +9,9 @@ import hydra
 import torch
 from omegaconf import DictConfig, OmegaConf
 
+from tstar_rl.checkpoint import differences
 from tstar_rl.collection import derive_seed, with_starts
-from tstar_rl.demonstrations import Demonstrations
+from tstar_rl.demonstrations import DemonstrationError, Demonstrations
 from tstar_rl.logging import run_path
 from tstar_rl.networks import set_action_std
 from tstar_rl.skill import NetworkSettings, Skill
@@ -135,7 +136,11 @@ def demonstrations_path(config: DictConfig, subtask: int | None, kind: str) -> P
 def load_demonstrations(config: DictConfig, subtask: int | None) -> Demonstrations:
     """Those that the config's recipe learns from."""
     path = demonstrations_path(config, subtask, config.demonstrations.kind)
-    return Demonstrations.load(path, config.task.name, subtask)
+    found = Demonstrations.load(path, config.task.name, subtask)
+    wrong = differences({name: found.arguments.get(name) for name in config.env}, plain(config.env))
+    if wrong:
+        raise DemonstrationError(f"{path}: field arguments: {'; '.join(wrong)}; delete it to make it again")
+    return found
 
 
 def load_skills(config: DictConfig, system: str = "gail_ppo", checkpoint: str = "last") -> list[Skill]:

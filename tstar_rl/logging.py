@@ -115,7 +115,7 @@ class Run:
     """
 
     def __init__(self, config: Mapping[str, Any], subtask: int | None = None, total: int = 0) -> None:
-        place = (config["task"]["name"], config["recipe"], config["seed"], subtask)
+        place = (config["task"]["name"], config["system"], config["seed"], subtask)
         self.results, self.work = (
             run_path(config["results_dir"], *place),
             run_path(config["runs_dir"], *place),
@@ -131,7 +131,7 @@ class Run:
             MetricsLog(self.work / "timing.csv"),
         )
         self._last_save, self._clock = 0, time.perf_counter()
-        label = config["recipe"] if subtask is None else f"{config['recipe']} {subtask}"
+        label = config["system"] if subtask is None else f"{config['recipe']} {subtask}"
         self.bar = tqdm(
             total=total,
             desc=label,
@@ -150,7 +150,10 @@ class Run:
             self.timing.truncate(0)
             self._write_config()
         else:
-            checkpoint.load(found, self.components, **self.record)
+            try:
+                checkpoint.load(found, self.components, **self.record)
+            except checkpoint.CheckpointMismatchError as error:
+                raise checkpoint.CheckpointMismatchError(f"{error} (resume=false starts over)") from error
         self.bar.update(self.env_steps - self.bar.n)
         self._clock = time.perf_counter()
         return self.env_steps

@@ -1,0 +1,238 @@
+"""How fast: bare simulator, environment, training, and TorchRL's wrapper around the same model. Writes bench.csv.
+
+    python recipes/bench.py
+
+`bare` is `mujoco.batch` stepping what the environment stepped: the same controls from the same states, resets not
+timed. `env` is the environment on those random actions, resets and all; `train` is the loop of `gail_ppo.py`
+after its warm start. `ratio_to_bare` is against the bare simulator under the same policy: `bare` (random actions)
+for `env` and `torchrl_*`, `bare_policy` for `env_policy` and `train`.
+"""
+
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from statistics import median
+
+import numpy as np
+import pandas as pd
+import torch
+from dm_control import mujoco as dm_mujoco
+from dm_control.rl import control
+from dm_env import specs
+from omegaconf import DictConfig
+from tensordict import TensorDictBase
+from torchrl.envs import Compose, DMControlWrapper, ParallelEnv
+from tqdm import tqdm
+from tstar_envs.furniture import load
+from tstar_envs.physics.cpu import CpuPhysics
+from tstar_envs.scene import SUBSTEPS, build_model
+
+from tstar_rl.collection import Collection, derive_seed
+from tstar_rl.configuration import environment, new_skill, recipe, settings
+from tstar_rl.demonstrations import Demonstrations, collect
+from tstar_rl.skill import Skill
+from tstar_rl.transforms import GAILReward, RewardMixture
+from tstar_rl.updates import (
+    BehaviourCloningSettings,
+    DiscriminatorSettings,
+    PolicyUpdate,
+    PPOSettings,
+    behaviour_cloning,
+    make_f_phi_update,
+)
+
+
+class Replay:
+    """What the simulators of an environment were told in `steps` steps of a policy, to tell it to bare ones.
+
+    Attributes:
+        start: states and weld poses before the first step.
+        controls: of each step, (N, nu).
+        restarts: of each step, None or (which simulations began anew, states, weld poses).
+    """
+
+    def __init__(self, env, policy: Callable, steps: int) -> None:
+        self.world = world = env.base_env.world
+        tensordict = env.reset()
+        self.start = self._rows()
+        self.controls, self.restarts = [], []
+        for _ in range(steps):
+            tensordict = policy(tensordict)
+            world.task.before_step(world.state, tensordict["action"].double().clamp(-1, 1))
+            self.controls.append(world.physics.ctrl.clone())
+            stepped, tensordict = env.step_and_maybe_reset(tensordict)
+            done = stepped["next", "done"].squeeze(-1)
+            self.restarts.append((done, *self._rows()) if done.any() else None)
+
+    def _rows(self):
+        return self.world.physics.state(), self.world.physics.eq_data.clone()
+
+    def rate(self, nthread: int) -> float:
+        """Control steps a second of bare `mujoco.batch`; restarts are not timed."""
+        physics = CpuPhysics(self.world.model, self.world.num_sims, nthread)
+        physics.set_state(*self.start)
+        spent = 0.0
+        for controls, restart in zip(self.controls, self.restarts, strict=True):
+            began = time.perf_counter()
+            physics.ctrl[:] = controls
+            physics.batch.step(nstep=SUBSTEPS)
+            spent += time.perf_counter() - began
+            if restart is not None:
+                done, states, welds = restart
+                physics.set_state(states, welds, done)
+        return len(self.controls) * self.world.num_sims / spent
+
+
+@torch.no_grad()
+def environment_rate(env, policy: Callable, steps: int) -> float:
+    """Control steps a second of the environment, resets and `policy` included."""
+    tensordict = env.reset()
+    began = time.perf_counter()
+    for _ in range(steps):
+        _, tensordict = env.step_and_maybe_reset(policy(tensordict))
+    return steps * env.batch_size.numel() / (time.perf_counter() - began)
+
+
+def random_policy(generator: torch.Generator, tensordict: TensorDictBase) -> TensorDictBase:
+    """Uniform actions (N, 9)."""
+    action = torch.rand(*tensordict.batch_size, 9, generator=generator) * 2 - 1
+    return tensordict.set("action", action)
+
+
+def warm_started(config: DictConfig, seed: int) -> tuple[Skill, Demonstrations]:
+    """A skill cloned from a few noise-injected demonstrations, so that it meets the contacts that training meets."""
+
+    def make(s: int):
+        return environment(config, config.subtask, 64, s, snapshots=True)
+
+    expert = collect(make, 64, "noisy", config.demonstrations.noise, seed)
+    skill = new_skill(config, config.subtask)
+    skill.normalizer.fit(expert.observations, config.normalizer.floor)
+    cloning = settings(BehaviourCloningSettings, config.bc)
+    behaviour_cloning(skill.policy, expert.observations, expert.actions, cloning, seed)
+    return skill, expert
+
+
+def training_rate(config: DictConfig, skill: Skill, expert: Demonstrations, env, seed: int) -> float:
+    """Control steps a second of GAIL+PPO end to end: the loop of `gail_ppo.py`."""
+    update_f_phi = make_f_phi_update(skill.f_phi, settings(DiscriminatorSettings, config.f_phi), seed)
+    update_policy = PolicyUpdate(
+        skill.policy, skill.value, settings(PPOSettings, config.ppo), skill.return_scale, seed
+    )
+    reward = Compose(GAILReward(skill.f_phi), RewardMixture(**{**config.reward, "lambda_3": 0.0}))
+    collection = Collection(env, skill.policy, config.training.horizon)
+    steps, began = 0, 0.0
+    for iteration in range(config.bench.updates + 1):
+        if iteration == 1:
+            began = time.perf_counter()
+        rollout = collection.rollout()
+        steps += rollout.numel() * (iteration > 0)
+        update_f_phi(expert.observations, rollout["observation"])
+        update_policy(reward(rollout), 0.0)
+    return steps / (time.perf_counter() - began)
+
+
+class BareTask(control.Task):
+    """The least a dm_control task can be: positions and velocities out, controls in, no reward."""
+
+    def initialize_episode(self, physics) -> None:
+        """Nothing: the model's own start."""
+
+    def before_step(self, action, physics) -> None:
+        """Sets the controls."""
+        physics.set_control(action)
+
+    def after_step(self, physics) -> None:
+        """Nothing."""
+
+    def action_spec(self, physics) -> specs.BoundedArray:
+        """The controls' own limits."""
+        low, high = physics.model.actuator_ctrlrange.T
+        return specs.BoundedArray(low.shape, np.float64, low, high)
+
+    def get_observation(self, physics) -> dict[str, np.ndarray]:
+        """Positions and velocities."""
+        return {"qpos": physics.data.qpos.copy(), "qvel": physics.data.qvel.copy()}
+
+    def get_reward(self, physics) -> float:
+        """Zero."""
+        return 0.0
+
+
+def make_wrapped(task: str) -> DMControlWrapper:
+    """TorchRL's wrapper around dm_control's environment, on the model that everything here runs on."""
+    physics = dm_mujoco.Physics.from_model(build_model(load(task)))
+    return DMControlWrapper(control.Environment(physics, BareTask(), n_sub_steps=SUBSTEPS))
+
+
+def wrapped_rate(task: str, workers: int, steps: int) -> float:
+    """Control steps a second of `workers` wrapped environments, on random actions."""
+    env = make_wrapped(task) if workers == 1 else ParallelEnv(workers, partial(make_wrapped, task))
+    env.rollout(10)
+    began = time.perf_counter()
+    env.rollout(steps)
+    rate = steps * workers / (time.perf_counter() - began)
+    env.close()
+    return rate
+
+
+@recipe("bench")
+def main(config: DictConfig) -> None:
+    """Measures, prints and writes <results_dir>/bench.csv."""
+    bench, seed = config.bench, derive_seed(config.seed, "train")
+    torch.manual_seed(seed)
+    env = environment(
+        config, config.subtask, config.training.num_envs, seed, max_steps=config.training.max_steps
+    )
+    rates: dict[str, list[float]] = {}
+    rounds = tqdm(total=2 * bench.rounds + 2 + len(bench.workers), disable=not config.progress_bar)
+
+    def note(**measured: float) -> None:
+        for name, rate in measured.items():
+            rates.setdefault(name, []).append(rate)
+        rounds.update()
+
+    act = partial(random_policy, torch.Generator().manual_seed(seed))
+    replay = Replay(env, act, bench.steps)
+    note(bare_one_thread=replay.rate(1))
+    for _ in range(bench.rounds):
+        note(bare=replay.rate(config.nthread), env=environment_rate(env, act, bench.steps))
+    skill, expert = warm_started(config, seed)
+    note(train=training_rate(config, skill, expert, env, seed))
+    with torch.no_grad():
+        replay = Replay(env, skill.policy, bench.steps)
+    for _ in range(bench.rounds):
+        note(
+            bare_policy=replay.rate(config.nthread),
+            env_policy=environment_rate(env, skill.policy, bench.steps),
+        )
+    for workers in bench.workers:
+        name = f"torchrl_parallel_{workers}" if workers > 1 else "torchrl_one"
+        note(**{name: wrapped_rate(config.task.name, workers, bench.worker_steps)})
+    rounds.close()
+    write(rates, Path(config.results_dir) / "bench.csv")
+
+
+def write(rates: dict[str, list[float]], path: Path) -> None:
+    """Writes the medians, each with its ratio to the bare simulator under the same policy."""
+    middle = {name: median(values) for name, values in rates.items()}
+    against = {
+        name: "bare_policy" if name.endswith("policy") or name == "train" else "bare" for name in middle
+    }
+    table = pd.DataFrame(
+        {
+            "measure": list(middle),
+            "value": [round(rate, 1) for rate in middle.values()],
+            "unit": "environment steps / s",
+            "ratio_to_bare": [round(rate / middle[against[name]], 3) for name, rate in middle.items()],
+        }
+    )
+    path.parent.mkdir(parents=True, exist_ok=True)
+    table.to_csv(path, index=False)
+    print(table.to_string(index=False))
+    print(path)
+
+
+if __name__ == "__main__":
+    main()
