@@ -131,7 +131,7 @@ class Run:
             MetricsLog(self.work / "timing.csv"),
         )
         self._last_save, self._clock = 0, time.perf_counter()
-        label = config["system"] if subtask is None else f"{config['recipe']} {subtask}"
+        label = config["system"] if subtask is None else f"{config['system']} {subtask}"
         self.bar = tqdm(
             total=total,
             desc=label,
