@@ -17,17 +17,18 @@ from statistics import median
 import numpy as np
 import pandas as pd
 import torch
-from dm_control import mujoco as dm_mujoco
+from dm_control.mujoco import Physics
+from dm_control.mujoco.wrapper import MjModel
 from dm_control.rl import control
 from dm_env import specs
 from omegaconf import DictConfig
 from tensordict import TensorDictBase
 from torchrl.envs import Compose, DMControlWrapper, ParallelEnv
 from tqdm import tqdm
+
 from tstar_envs.furniture import load
 from tstar_envs.physics.cpu import CpuPhysics
 from tstar_envs.scene import SUBSTEPS, build_model
-
 from tstar_rl.collection import Collection, derive_seed
 from tstar_rl.configuration import environment, new_skill, recipe, settings
 from tstar_rl.demonstrations import Demonstrations, collect
@@ -162,7 +163,7 @@ class BareTask(control.Task):
 
 def make_wrapped(task: str) -> DMControlWrapper:
     """TorchRL's wrapper around dm_control's environment, on the model that everything here runs on."""
-    physics = dm_mujoco.Physics.from_model(build_model(load(task)))
+    physics = Physics.from_model(MjModel(build_model(load(task))))
     return DMControlWrapper(control.Environment(physics, BareTask(), n_sub_steps=SUBSTEPS))
 
 
