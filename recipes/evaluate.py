@@ -32,7 +32,7 @@ def main(config: DictConfig) -> None:
     recorded = min(config.evaluation.recorded, number) if config.video else 0
     rows = []
     for mode in config.modes:
-        seed = derive_seed(config.seed, "evaluate", list(MODES).index(mode), 99 if whole else subtask)
+        seed = derive_seed(config.seed, "evaluate", list(MODES).index(mode), subtask)
         torch.manual_seed(seed)
         env = environment(config, subtask, number, seed, snapshots=recorded > 0)
         recorder = Recorder(env.base_env, recorded if mode == config.modes[0] else 0)

@@ -32,11 +32,16 @@ PURPOSES = (
 )
 
 
-def derive_seed(seed: int, purpose: str, *index: int) -> int:
-    """A seed of its own for each purpose and index of a run: what chooses never sees what is reported."""
+def derive_seed(seed: int, purpose: str, *index: int | None) -> int:
+    """A seed of its own for each purpose and index of a run: what chooses never sees what is reported.
+
+    An index of None is the whole task.
+    """
     if purpose not in PURPOSES:
         raise ValueError(f"purpose must be one of {', '.join(PURPOSES)}; got {purpose!r}")
-    words = np.random.SeedSequence([seed, PURPOSES.index(purpose), *index]).generate_state(1)
+    words = np.random.SeedSequence(
+        [seed, PURPOSES.index(purpose), *(99 if i is None else i for i in index)]
+    ).generate_state(1)
     return int(words[0]) % 2**31
 
 

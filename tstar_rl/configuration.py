@@ -123,7 +123,7 @@ def new_skill(config: DictConfig, subtask: int | None) -> Skill:
                 "networks.features needs one subtask: set subtask=0.. or networks.features=false"
             )
         features = environment(config, subtask, 1, 0).base_env.features(subtask)
-    torch.manual_seed(derive_seed(config.seed, "networks", 99 if subtask is None else subtask))
+    torch.manual_seed(derive_seed(config.seed, "networks", subtask))
     return Skill(config.task.name, subtask, networks, features, config.chain.capacity)
 
 

@@ -1,0 +1,84 @@
+"""One skill from the environment's reward and an imitation reward (the paper's first stage).
+
+python recipes/gail_ppo.py task=table_lack subtask=0 scale=laptop seed=0
+"""
+
+import torch
+from omegaconf import DictConfig
+from torchrl.envs import Compose
+
+from tstar_rl.collection import Collection, derive_seed, rollout_metrics
+from tstar_rl.configuration import (
+    environment,
+    explore,
+    load_demonstrations,
+    new_skill,
+    plain,
+    recipe,
+    settings,
+)
+from tstar_rl.logging import Run
+from tstar_rl.transforms import GAILReward, RewardMixture
+from tstar_rl.updates import (
+    BehaviourCloningSettings,
+    DiscriminatorSettings,
+    PolicyUpdate,
+    PPOSettings,
+    behaviour_cloning,
+    make_f_phi_update,
+)
+
+
+@recipe("gail")
+def main(config: DictConfig) -> None:
+    """As GAIL+PPO, less the reward of the environment."""
+    total, training = config.training.total_steps, config.training
+    run = Run(plain(config), config.subtask, total)
+    seed = derive_seed(config.seed, "train", config.subtask)
+    skill = new_skill(config, config.subtask)
+    expert = load_demonstrations(config, config.subtask)
+    skill.normalizer.fit(expert.observations, config.normalizer.floor)
+    update_f_phi = make_f_phi_update(skill.f_phi, settings(DiscriminatorSettings, config.f_phi), seed)
+    update_policy = PolicyUpdate(
+        skill.policy,
+        skill.value,
+        settings(PPOSettings, config.ppo),
+        skill.return_scale,
+        seed,
+    )
+    reward = Compose(
+        GAILReward(skill.f_phi), RewardMixture(**{**config.reward, "lambda_1": 0.0, "lambda_3": 0.0})
+    )
+    env = environment(config, config.subtask, training.num_envs, seed, max_steps=training.max_steps)
+    collection = Collection(env, skill.policy, training.horizon)
+    steps = run.start(
+        skill=skill,
+        collection=collection,
+        update_f_phi=update_f_phi,
+        update_policy=update_policy,
+    )
+    if steps == 0 and config.warm_start:
+        cloning = settings(BehaviourCloningSettings, config.bc)
+        behaviour_cloning(skill.policy, expert.observations, expert.actions, cloning, seed)
+        torch.manual_seed(seed)
+
+    while steps < total:
+        explore(skill, config, steps / total)
+        rollout = collection.rollout()
+        steps += rollout.numel()
+        log = update_f_phi(expert.observations, rollout["observation"])
+        rollout = reward(rollout)
+        log |= update_policy(rollout, steps / total)
+        if config.normalizer.running:
+            skill.normalizer.update(rollout["observation"], config.normalizer.floor)
+        run.log(steps, **rollout_metrics(rollout), **log)
+        if run.improved:
+            skill.save(run.work / "best", recipe=config.system, env_steps=steps)
+        run.save_if_due(training.checkpoint_every)
+
+    skill.save(run.work / "last", recipe=config.system, env_steps=steps)
+    run.finish()
+
+
+if __name__ == "__main__":
+    main()

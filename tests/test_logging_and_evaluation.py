@@ -1,0 +1,109 @@
+"""Tables that runs leave behind, and the numbers in them."""
+
+import pandas as pd
+import pytest
+import torch
+from tensordict import TensorDict
+
+from tstar_rl.collection import derive_seed, run_episodes, with_starts
+from tstar_rl.evaluation import evaluate, summarize, wilson_interval
+from tstar_rl.logging import MetricsLog, append_rows
+from tstar_rl.plotting import evaluation_table, learning_curves, read_evaluations, read_metrics
+
+
+def test_a_log_cut_back_goes_on_as_if_it_had_never_gone_further(tmp_path):
+    whole, cut = MetricsLog(tmp_path / "whole.csv"), MetricsLog(tmp_path / "cut.csv")
+    rows = [{"a": 1, "b": 0.1}, {"a": 2, "b": float("nan")}, {"a": 3, "c": 5.0}]
+    for row in rows:
+        whole.append(row)
+    for row in rows:
+        cut.append(row)
+    again = MetricsLog(tmp_path / "cut.csv")
+    again.truncate(1)
+    for row in rows[1:]:
+        again.append(row)
+    assert (tmp_path / "cut.csv").read_bytes() == (tmp_path / "whole.csv").read_bytes()
+    assert list(pd.read_csv(tmp_path / "whole.csv").columns) == ["a", "b", "c"]
+
+
+def test_a_log_shorter_than_its_checkpoint_says_is_refused(tmp_path):
+    log = MetricsLog(tmp_path / "log.csv")
+    log.append({"a": 1})
+    with pytest.raises(ValueError, match="has 1 rows, but its checkpoint counts 4"):
+        log.truncate(4)
+
+
+def test_evaluation_rows_replace_those_of_the_same_key(tmp_path):
+    path, key = tmp_path / "evaluation.csv", ("checkpoint", "mode")
+    append_rows(path, [{"checkpoint": "last", "mode": "deterministic", "success": 0.1}], key)
+    append_rows(path, [{"checkpoint": "best", "mode": "deterministic", "success": 0.2}], key)
+    table = append_rows(path, [{"checkpoint": "last", "mode": "deterministic", "success": 0.3}], key)
+    assert sorted(table.success) == [0.2, 0.3] and sorted(pd.read_csv(path).success) == [0.2, 0.3]
+
+
+def test_wilson_by_hand():
+    # 8 of 10 at z = 1.96: centre (0.8 + 3.8416 / 20) / 1.38416 = 0.71674, half width 0.22657.
+    low, high = wilson_interval(8, 10)
+    assert (low, high) == (pytest.approx(0.4902, abs=2e-4), pytest.approx(0.9433, abs=2e-4))
+    assert wilson_interval(10, 10)[1] == pytest.approx(1.0)
+    with pytest.raises(ValueError, match="got 3 of 2"):
+        wilson_interval(3, 2)
+
+
+def test_progress_is_the_mean_share_of_subtasks():
+    last = TensorDict(
+        {
+            "next": {
+                "success": torch.tensor([[True], [False], [False], [False]]),
+                "completed": torch.tensor([[4], [2], [1], [0]]),
+                "step_count": torch.tensor([[300], [800], [800], [800]]),
+            }
+        },
+        [4],
+    )
+    row = summarize(last, 4, None)
+    assert row["progress"] == pytest.approx(7 / 16) and row["success"] == 0.25
+    assert [row[f"subtask_{k}"] for k in range(4)] == [0.75, 0.5, 0.25, 0.25]
+
+
+def test_run_episodes_gives_the_last_step_of_each_first_episode(make_env, policy):
+    env = with_starts(make_env(num_envs=6))
+    seen = []
+    last = run_episodes(env, policy, lambda td: seen.append(td["next", "done"].clone()))
+    assert last["next", "success"].all()
+    first_done = torch.stack(seen).squeeze(-1).int().argmax(0) + 1
+    assert torch.equal(last["next", "step_count"].squeeze(-1), first_done)
+    assert (last["start_observation"][:, 0] <= 0.2).all()
+
+
+def test_evaluate_refuses_another_mode(make_env, policy):
+    with pytest.raises(ValueError, match="deterministic, stochastic; got 'greedy'"):
+        evaluate(policy, with_starts(make_env()), "greedy")
+
+
+def test_seeds_of_different_purposes_differ():
+    seeds = {derive_seed(0, purpose, 1) for purpose in ("train", "validate", "evaluate")}
+    assert len(seeds) == 3 and derive_seed(0, "train", 1) in seeds and derive_seed(1, "train", 1) not in seeds
+    with pytest.raises(ValueError, match="purpose must be one of"):
+        derive_seed(0, "testing")
+
+
+def test_curves_and_table_from_folders(tmp_path):
+    for recipe, success in (("tstar", 0.9), ("policy_sequencing", 0.6)):
+        folder = tmp_path / "table_lack" / recipe / "seed0"
+        log = MetricsLog(folder / "metrics.csv")
+        for steps in (10, 20):
+            log.append({"env_steps": steps, "success_rate": success, "kl": 0.01})
+        row = {"checkpoint": "last", "mode": "deterministic", "progress": success, "success": success}
+        row |= {
+            "success_low": 0.5,
+            "success_high": 1.0,
+            "subtask_0": 1.0,
+            "env_steps": 20,
+            "minutes": 1,
+            "seed": 0,
+        }
+        append_rows(folder / "evaluation.csv", [row], ("checkpoint", "mode"))
+    assert learning_curves(read_metrics(tmp_path), tmp_path / "curves.png").stat().st_size > 1000
+    table = evaluation_table(read_evaluations(tmp_path))
+    assert table.loc[("table_lack", "tstar"), "progress"] == pytest.approx(0.9)

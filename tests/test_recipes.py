@@ -1,0 +1,126 @@
+"""Recipes, run as users run them: the same figures however they are run, and clear words when they cannot be."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import torch
+
+from tstar_rl import FurnitureEnv
+from tstar_rl.collection import Collection, with_starts
+from tstar_rl.skill import NetworkSettings, Skill
+
+ROOT = Path(__file__).resolve().parent.parent
+SMALL = [
+    "scale=quick",
+    "progress_bar=false",
+    "demonstrations.episodes=4",
+    "demonstrations.num_envs=8",
+    "bc.epochs=2",
+    "training.num_envs=8",
+    "training.horizon=16",
+    "training.total_steps=1024",
+    "training.checkpoint_every=256",
+    "ppo.minibatch=64",
+]
+
+
+def command(recipe: str, *values: str) -> list[str]:
+    return [sys.executable, str(ROOT / "recipes" / f"{recipe}.py"), *SMALL, *values]
+
+
+def run(recipe: str, *values: str) -> subprocess.CompletedProcess[str]:
+    path = os.pathsep.join([str(ROOT), str(ROOT / "envs")])
+    environ = {**os.environ, "PYTHONPATH": path, "OMP_NUM_THREADS": "1"}
+    return subprocess.run(command(recipe, *values), env=environ, capture_output=True, text=True, check=False)
+
+
+def places(folder: Path, name: str) -> list[str]:
+    return [f"results_dir={folder / name / 'results'}", f"runs_dir={folder / name / 'runs'}"]
+
+
+def metrics(folder: Path, name: str) -> Path:
+    return folder / name / "results" / "table_lack" / "gail_ppo" / "seed0" / "subtask0" / "metrics.csv"
+
+
+@pytest.fixture(scope="module")
+def demonstrations(tmp_path_factory) -> str:
+    place = f"demonstrations_dir={tmp_path_factory.mktemp('demonstrations')}"
+    done = run("make_demonstrations", "subtask=0", "kinds=[noisy]", place)
+    assert done.returncode == 0, done.stderr
+    return place
+
+
+def test_rollouts_go_on_bit_for_bit_from_their_state():
+    torch.manual_seed(0)
+    skill = Skill("table_lack", 0, NetworkSettings(hidden=(16,), std="fixed"))
+
+    def collection(seed: int) -> Collection:
+        env = FurnitureEnv("table_lack", 3, 0, nthread=1, seed=seed, max_steps=6)
+        return Collection(with_starts(env), skill.policy, 8)
+
+    first, second = collection(0), collection(1)
+    first.rollout()
+    first.settle()
+    second.load_state_dict(first.state_dict())
+    torch.manual_seed(1)
+    expected = first.rollout()
+    torch.manual_seed(1)
+    resumed = second.rollout()
+    for key in ("observation", "action", ("next", "reward_env"), ("next", "done"), "start_observation"):
+        assert torch.equal(expected[key], resumed[key]), key
+
+
+def test_an_unknown_config_key_is_named():
+    done = run("gail_ppo", "subtask=0", "ppo.epoch=3")
+    assert done.returncode and "epoch" in done.stderr
+
+
+def test_an_unknown_task_is_named():
+    done = run("gail_ppo", "subtask=0", "task=table_lak")
+    assert done.returncode and "table_lack" in done.stderr
+
+
+def test_missing_demonstrations_are_named(tmp_path):
+    done = run("gail_ppo", "subtask=0", f"demonstrations_dir={tmp_path}", *places(tmp_path, "a"))
+    assert done.returncode and "make_demonstrations" in done.stderr
+
+
+@pytest.mark.slow
+def test_threads_do_not_change_the_figures(demonstrations, tmp_path):
+    for nthread in (1, 2):
+        done = run(
+            "gail_ppo", "subtask=0", demonstrations, f"nthread={nthread}", *places(tmp_path, str(nthread))
+        )
+        assert done.returncode == 0, done.stderr
+    assert metrics(tmp_path, "1").read_bytes() == metrics(tmp_path, "2").read_bytes()
+
+
+@pytest.mark.slow
+def test_a_killed_run_resumes_to_the_same_figures(demonstrations, tmp_path):
+    done = run("gail_ppo", "subtask=0", demonstrations, *places(tmp_path, "whole"))
+    assert done.returncode == 0, done.stderr
+    values = ["subtask=0", demonstrations, *places(tmp_path, "killed")]
+    path = os.pathsep.join([str(ROOT), str(ROOT / "envs")])
+    process = subprocess.Popen(command("gail_ppo", *values), env={**os.environ, "PYTHONPATH": path})
+    file = metrics(tmp_path, "killed")
+    while process.poll() is None and (not file.is_file() or len(file.read_text().splitlines()) < 5):
+        time.sleep(0.01)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    assert 4 <= len(file.read_text().splitlines()) - 1 < 8, "it was not killed in the middle"
+    done = run("gail_ppo", *values)
+    assert done.returncode == 0, done.stderr
+    assert file.read_bytes() == metrics(tmp_path, "whole").read_bytes()
+
+
+@pytest.mark.slow
+def test_resuming_with_another_config_is_refused(demonstrations, tmp_path):
+    values = ["subtask=0", demonstrations, *places(tmp_path, "a")]
+    assert run("gail_ppo", *values).returncode == 0
+    done = run("gail_ppo", *values, "ppo.epochs=7")
+    assert done.returncode and "ppo.epochs was 4" in done.stderr and "resume=false" in done.stderr

@@ -1,0 +1,80 @@
+"""Skills and checkpoints come back as they were, or say why not."""
+
+import pytest
+import torch
+from tensordict import TensorDict
+from torchrl.envs import ExplorationType, set_exploration_type
+
+from tstar_rl import checkpoint
+from tstar_rl.chain import ChainPolicy
+from tstar_rl.checkpoint import CheckpointMismatchError
+from tstar_rl.skill import NetworkSettings, Skill
+
+SMALL = NetworkSettings(hidden=(16,), std="fixed", discriminator_hidden=(16,))
+
+
+def test_a_skill_comes_back(tmp_path):
+    skill = Skill("table_lack", 1, SMALL)
+    skill.normalizer.fit(torch.randn(50, 72))
+    skill.initiation_set.extend(TensorDict({"observation": torch.randn(5, 72)}, [5]))
+    skill.save(tmp_path / "skill", env_steps=7)
+    back = Skill.load(tmp_path / "skill", task="table_lack", subtask=1)
+    obs = torch.randn(4, 72)
+    assert torch.equal(skill.f_phi(obs), back.f_phi(obs))
+    with set_exploration_type(ExplorationType.DETERMINISTIC):
+        rows = TensorDict({"observation": obs}, [4])
+        assert torch.equal(skill.policy(rows.clone())["action"], back.policy(rows.clone())["action"])
+    assert torch.equal(skill.initiation_set.all()["observation"], back.initiation_set.all()["observation"])
+    assert checkpoint.read_record(tmp_path / "skill")["env_steps"] == 7
+
+
+def test_a_skill_of_another_task_is_refused(tmp_path):
+    Skill("table_lack", 1, SMALL).save(tmp_path / "skill")
+    with pytest.raises(
+        CheckpointMismatchError, match="task was 'table_lack' when it was saved, and is 'chair_ingolf'"
+    ):
+        Skill.load(tmp_path / "skill", task="chair_ingolf")
+    with pytest.raises(CheckpointMismatchError, match="subtask was 1"):
+        Skill.load(tmp_path / "skill", subtask=0)
+
+
+def test_no_checkpoint_is_said(tmp_path):
+    with pytest.raises(FileNotFoundError, match="no checkpoint at"):
+        Skill.load(tmp_path / "nothing")
+
+
+def test_the_newest_complete_checkpoint_is_found(tmp_path):
+    module = torch.nn.Linear(1, 1)
+    assert checkpoint.latest(tmp_path) is None
+    for step in (1, 2):
+        module.weight.data.fill_(step)
+        checkpoint.save_step(tmp_path, step, {"module": module}, {"step": step})
+    (tmp_path / ".checkpoint_3.stage-half-written").mkdir()
+    module.weight.data.zero_()
+    assert checkpoint.load(checkpoint.latest(tmp_path), {"module": module}) == {"step": 2}
+    assert float(module.weight) == 2.0
+
+
+def test_differences_are_named_by_their_path():
+    texts = checkpoint.differences({"ppo": {"epochs": 4}, "seed": 0}, {"ppo": {"epochs": 5}, "seed": 0})
+    assert texts == ["ppo.epochs was 4 when it was saved, and is 5 now"]
+
+
+def test_a_chain_acts_with_the_skill_of_each_row():
+    skills = [Skill("table_lack", index, SMALL) for index in range(2)]
+    obs, subtask = torch.randn(5, 72), torch.tensor([[0], [1], [1], [0], [2]])
+    with set_exploration_type(ExplorationType.DETERMINISTIC):
+        action = ChainPolicy(skills)(TensorDict({"observation": obs, "subtask": subtask}, [5]))["action"]
+        for row, index in enumerate((0, 1, 1, 0, 1)):
+            alone = skills[index].policy(TensorDict({"observation": obs[row : row + 1]}, [1]))["action"][0]
+            torch.testing.assert_close(action[row], alone)
+
+
+def test_a_chain_needs_its_skills_in_order():
+    with pytest.raises(ValueError, match=r"in order; got \[1\]"):
+        ChainPolicy([Skill("table_lack", 1, SMALL)])
+
+
+def test_features_need_their_geometry():
+    with pytest.raises(ValueError, match="no geometry"):
+        Skill("table_lack", 0, NetworkSettings(features=True))

@@ -1,0 +1,144 @@
+"""What updates do to networks."""
+
+import copy
+
+import pytest
+import torch
+from tensordict import TensorDict
+
+from tstar_rl.collection import Collection, with_starts
+from tstar_rl.networks import make_discriminator
+from tstar_rl.skill import NetworkSettings, Skill
+from tstar_rl.transforms import RewardMixture
+from tstar_rl.updates import (
+    BehaviourCloningSettings,
+    DiscriminatorSettings,
+    PolicyUpdate,
+    PPOSettings,
+    ReturnScale,
+    behaviour_cloning,
+    make_d_omega_update,
+    make_f_phi_update,
+)
+
+SMALL = NetworkSettings(hidden=(32, 32), std="fixed", action_std=0.3, hand_std=0.3)
+
+
+def small_skill() -> Skill:
+    torch.manual_seed(0)
+    return Skill("point", 0, SMALL)
+
+
+def rollouts(make_env, skill: Skill, horizon: int = 16) -> Collection:
+    return Collection(with_starts(make_env(num_envs=16, snapshots=False)), skill.policy, horizon)
+
+
+def state_of(module: torch.nn.Module) -> dict[str, torch.Tensor]:
+    return {key: value.clone() for key, value in module.state_dict().items()}
+
+
+def same(a: dict[str, torch.Tensor], b: dict[str, torch.Tensor]) -> bool:
+    return all(torch.equal(a[key], b[key]) for key in a)
+
+
+def test_return_scale_by_hand():
+    scale = ReturnScale(gamma=0.5)
+    reward = torch.tensor([[[1.0], [2.0], [4.0]]])
+    done = torch.tensor([[[False], [True], [False]]])
+    scaled, carried = scale(reward, done, torch.zeros(1, 1))
+    # Returns 1, 2.5 and, after the end, 4: mean 2.5, variance (1.5^2 + 0 + 1.5^2) / 3 = 1.5.
+    assert float(scale.var) == pytest.approx(1.5)
+    torch.testing.assert_close(scaled, reward / 1.5**0.5)
+    assert float(carried) == 4.0
+
+
+def test_return_scale_in_parts_is_that_of_the_whole():
+    torch.manual_seed(0)
+    reward, done = torch.randn(3, 8, 1), torch.rand(3, 8, 1) < 0.2
+    whole, parts = ReturnScale(), ReturnScale()
+    whole(reward, done, torch.zeros(3, 1))
+    _, carried = parts(reward[:, :5], done[:, :5], torch.zeros(3, 1))
+    parts(reward[:, 5:], done[:, 5:], carried)
+    torch.testing.assert_close(whole.var, parts.var)
+
+
+def test_ppo_learns_to_move(make_env):
+    skill = small_skill()
+    collection = rollouts(make_env, skill)
+    rates = {"learning_rate": 3e-3, "linear_decay": False, "entropy_coeff": 0.0}
+    update = PolicyUpdate(
+        skill.policy,
+        skill.value,
+        PPOSettings(minibatch=64, normalize_returns=True, **rates),
+        skill.return_scale,
+    )
+    reward = RewardMixture(1.0, 0.0, reward_scale=1.0)
+    obs = TensorDict({"observation": torch.zeros(1, 72)}, [1])
+    before = float(skill.policy.get_dist(obs).mean[0, 0].detach())
+    for _ in range(10):
+        update(reward(collection.rollout()))
+    assert float(skill.policy.get_dist(obs).mean[0, 0].detach()) > before + 0.2
+
+
+def test_critic_warmup_leaves_the_actor_alone(make_env):
+    skill = small_skill()
+    update = PolicyUpdate(skill.policy, skill.value, PPOSettings(critic_warmup=1), skill.return_scale)
+    collection, reward = rollouts(make_env, skill), RewardMixture(1.0, 0.0)
+    policy, value = state_of(skill.policy), state_of(skill.value)
+    log = update(reward(collection.rollout()))
+    assert log["actor_steps"] == 0 and same(policy, state_of(skill.policy))
+    assert not same(value, state_of(skill.value))
+    assert update(reward(collection.rollout()))["actor_steps"] > 0
+    assert not same(policy, state_of(skill.policy))
+
+
+def test_kl_stop_holds_the_actor_and_not_the_critic(make_env):
+    skill = small_skill()
+    settings = PPOSettings(learning_rate=1e-2, kl_stop=1e-3, minibatch=64)
+    update = PolicyUpdate(skill.policy, skill.value, settings, skill.return_scale)
+    log = update(RewardMixture(1.0, 0.0)(rollouts(make_env, skill).rollout()))
+    assert log["kl"] > 1e-3
+    assert log["actor_steps"] < log["critic_steps"] == 10 * 16 * 16 // 64
+
+
+def test_an_update_goes_on_from_its_state(make_env):
+    reward = RewardMixture(1.0, 0.0)
+    first = small_skill()
+    collection = rollouts(make_env, first)
+    batches = [reward(collection.rollout()).clone() for _ in range(2)]
+    update = PolicyUpdate(first.policy, first.value, PPOSettings(minibatch=64), first.return_scale)
+    update(batches[0])
+    second = small_skill()
+    resumed = PolicyUpdate(
+        second.policy, second.value, PPOSettings(minibatch=64), second.return_scale, seed=9
+    )
+    second.load_network_state(first.network_state())
+    resumed.load_state_dict(copy.deepcopy(update.state_dict()))
+    assert update(batches[1]) == resumed(batches[1])
+    assert same(state_of(first.policy), state_of(second.policy))
+
+
+def test_cloning_reproduces_a_linear_expert():
+    skill = small_skill()
+    obs = torch.randn(512, 72, generator=torch.Generator().manual_seed(0))
+    actions = (0.3 * obs[:, :9]).clamp(-0.8, 0.8)
+    settings = BehaviourCloningSettings(epochs=40, minibatch=64, learning_rate=3e-3, cosine_decay=True)
+    log = behaviour_cloning(skill.policy, obs, actions, settings)
+    assert log["bc_loss"] < 0.1 * float(actions.square().mean())
+
+
+@pytest.mark.parametrize("make_update", [make_f_phi_update, make_d_omega_update])
+def test_discriminators_learn_to_tell_apart(make_update):
+    torch.manual_seed(0)
+    network = make_discriminator(hidden=(32,))
+    update = make_update(network, DiscriminatorSettings(learning_rate=1e-2, gradient_penalty=0.0))
+    positive, negative = torch.randn(200, 72) + 1, torch.randn(200, 72) - 1
+    update(positive, negative)
+    assert float(network(positive).mean()) > float(network(negative).mean()) + 0.5
+
+
+def test_an_empty_set_is_no_update():
+    network = make_discriminator()
+    before = state_of(network)
+    assert make_d_omega_update(network, DiscriminatorSettings())(torch.zeros(0, 72), torch.zeros(3, 72)) == {}
+    assert same(before, state_of(network))
