@@ -47,7 +47,7 @@ class FurnitureEnv(EnvBase):
     batch_locked = True
 
     def __init__(
-        self, task: str = "table_lack", num_envs: int = 1, subtask: int | None = None, nthread: int = 0,
+        self, task: str, num_envs: int = 1, subtask: int | None = None, nthread: int = 0,
         device: str | torch.device = "cpu", seed: int | None = None, snapshots: bool = False, **settings: Any,
     ):  # fmt: skip
         if torch.device(device).type != "cpu":
@@ -145,7 +145,11 @@ class FurnitureEnv(EnvBase):
 
     def state_dict(self, *args, **kwargs) -> dict[str, Any]:
         """Generator and simulations: an environment loaded with it goes on bit for bit."""
-        return {"generator": self.world.generator.get_state(), "snapshot": self.snapshot(), "failures": self.failures}
+        return {
+            "generator": self.world.generator.get_state(),
+            "snapshot": self.snapshot(),
+            "failures": self.failures,
+        }
 
     def load_state_dict(self, state_dict: dict[str, Any], *args, **kwargs) -> None:
         self.world.generator.set_state(state_dict["generator"])
@@ -167,7 +171,9 @@ class FurnitureEnv(EnvBase):
         self.observation_spec = Composite(observation, shape=shape)
         self.action_spec = Bounded(-1.0, 1.0, torch.Size([*shape, NUM_ACTIONS]), dtype=torch.float32)
         self.reward_spec = Composite({"reward_env": Unbounded(one)}, shape=shape)
-        self.done_spec = Composite({name: Binary(1, one, dtype=torch.bool) for name in _DONE_KEYS}, shape=shape)
+        self.done_spec = Composite(
+            {name: Binary(1, one, dtype=torch.bool) for name in _DONE_KEYS}, shape=shape
+        )
 
     def _reset(self, tensordict: TensorDictBase | None = None, **kwargs) -> TensorDictBase:
         mask = torch.ones(self.num_envs, dtype=torch.bool)
@@ -194,7 +200,9 @@ class FurnitureEnv(EnvBase):
 
     def _observe(self) -> TensorDict:
         state = self.world.state
-        out = {name: state[name].unsqueeze(-1).clone() for name in ("subtask", "phase", "completed", "success")}
+        out = {
+            name: state[name].unsqueeze(-1).clone() for name in ("subtask", "phase", "completed", "success")
+        }
         out["observation"] = self.world.observation().float()
         if self.snapshots:
             out["snapshot"] = self.snapshot()
@@ -224,4 +232,6 @@ def _frame_with_x(axis: Tensor) -> Tensor:
     cosine = torch.dot(x, axis)
     if float(cosine) < -0.999999:
         return geometry.yaw_quat(axis.new_tensor(torch.pi))
-    return torch.nn.functional.normalize(torch.cat([(1 + cosine).reshape(1), torch.linalg.cross(x, axis)]), dim=-1)
+    return torch.nn.functional.normalize(
+        torch.cat([(1 + cosine).reshape(1), torch.linalg.cross(x, axis)]), dim=-1
+    )
