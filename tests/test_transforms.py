@@ -132,7 +132,10 @@ class TestContract:
 
 def steps(observation, following, success=(False, False), **rewards):
     """Two steps: observations of one number each."""
-    column = lambda values: torch.tensor(values).unsqueeze(-1)
+
+    def column(values):
+        return torch.tensor(values).unsqueeze(-1)
+
     after = {"observation": column(following), "success": column(success)}
     after.update({name: column(values) for name, values in rewards.items()})
     return TensorDict({"observation": column(observation), "next": TensorDict(after, [2])}, [2])

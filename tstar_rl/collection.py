@@ -153,7 +153,7 @@ def run_episodes(
 
 def rollout_metrics(rollout: TensorDictBase) -> dict[str, float]:
     """What is logged of a rollout (N, T): its finished episodes, phases and rewards by term."""
-    following = rollout["next"]
+    following: TensorDictBase = rollout["next"]
     done = following["done"]
     episodes = int(done.sum())
     log: dict[str, float] = {
@@ -163,7 +163,7 @@ def rollout_metrics(rollout: TensorDictBase) -> dict[str, float]:
         "phase": float(following["phase"].float().mean()),
     }
     for name in ("reward_env", "reward_gail", "reward_tsr", "reward"):
-        if following.get(name, None) is not None:
+        if name in following.keys():  # pyright: ignore[reportAttributeAccessIssue]
             log[name] = float(following[name].mean())
     if "reward_tsr" in log:
         paid = following["reward_tsr"][following["success"]]

@@ -250,7 +250,7 @@ def _successes(
         each_step()
 
     last = run_episodes(env, env.base_env.expert(noise, generator), record)
-    together = torch.stack(steps, 1)
+    together: TensorDictBase = torch.stack(steps, 1)  # pyright: ignore[reportAssignmentType]
     lengths = last["next", "step_count"].squeeze(-1)
     won = last["next", "success"].squeeze(-1)
     return [together[i, : int(lengths[i])] for i in won.nonzero().squeeze(-1).tolist()]

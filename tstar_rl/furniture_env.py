@@ -44,7 +44,7 @@ class FurnitureEnv(EnvBase):
         ValueError: unknown furniture, subtask, device or setting; an action of another shape or with NaN.
     """
 
-    batch_locked = True
+    batch_locked = True  # pyright: ignore[reportAssignmentType]
 
     def __init__(
         self, task: str, num_envs: int = 1, subtask: int | None = None, nthread: int = 0,
@@ -177,7 +177,7 @@ class FurnitureEnv(EnvBase):
 
     def _reset(self, tensordict: TensorDictBase | None = None, **kwargs) -> TensorDictBase:
         mask = torch.ones(self.num_envs, dtype=torch.bool)
-        if tensordict is not None and "_reset" in tensordict.keys():
+        if tensordict is not None and "_reset" in tensordict:
             mask = tensordict["_reset"].reshape(self.num_envs)
         injected = torch.zeros_like(mask)
         if tensordict is not None and ("start", "use") in tensordict.keys(True):

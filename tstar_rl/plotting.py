@@ -63,7 +63,7 @@ def learning_curves(
     for panel, column in zip(panels[0], columns, strict=True):
         for place, rows in metrics.groupby(by, dropna=False):
             rows = rows.dropna(subset=[column])
-            names = [f"{k} {int(v)}" for k, v in zip(by[1:], place[1:], strict=True) if v == v and v >= 0]
+            names = [f"{k} {int(v)}" for k, v in zip(by[1:], place[1:], strict=True) if float(v) >= 0]
             panel.plot(rows.env_steps, rows[column], label=" ".join([str(place[0]), *names]), linewidth=1)
         panel.set(xlabel="environment steps", title=column.replace("_", " "))
         panel.grid(alpha=0.3)

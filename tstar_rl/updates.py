@@ -222,7 +222,8 @@ class PolicyUpdate:
         if self.settings.normalize_returns:
             carried = self.carried.expand(rollout.shape[0], 1)
             reward, self.carried = self.return_scale(batch["next", "reward"], batch["next", "done"], carried)
-            batch = batch.copy().set("next", batch["next"].copy().set("reward", reward))
+            following = batch["next"].copy()  # pyright: ignore[reportAttributeAccessIssue]
+            batch = batch.copy().set("next", following.set("reward", reward))
         return self.gae(batch).select(*PPO_KEYS).reshape(-1)
 
     def _set_learning_rates(self, progress: float) -> None:

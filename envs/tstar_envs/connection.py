@@ -92,7 +92,8 @@ class WrongPairs:
         self.first_quat, self.second_quat = rows(p[1].quat for p in pairs), rows(p[3].quat for p in pairs)
         self.angles = rows(padded(p[1].allowed_angles for p in pairs))
         step_pairs = [
-            {(s.moving_part, s.moving_connector), (s.target_part, s.target_connector)} for s in furniture.steps
+            {(s.moving_part, s.moving_connector), (s.target_part, s.target_connector)}
+            for s in furniture.steps
         ]
         self.allowed = torch.tensor(  # (K, P): made by step k or, being welded already, by one before it
             [

@@ -44,11 +44,14 @@ class BatchedEnvironment:
         self.name, self.furniture = name, library.load(name)
         if subtask is not None and not 0 <= subtask < len(self.furniture.steps):
             raise ValueError(
-                f"subtask of {name} must be None (the whole task) or in 0..{len(self.furniture.steps) - 1}, got {subtask}"
+                f"subtask of {name} must be None (the whole task) or in 0..{len(self.furniture.steps) - 1}, "
+                f"got {subtask}"
             )
         if num_sims < 1:
             raise ValueError(f"the number of simulations must be at least 1, got {num_sims}")
-        self.settings = settings if isinstance(settings, TaskSettings) else TaskSettings.from_mapping(settings or {})
+        self.settings = (
+            settings if isinstance(settings, TaskSettings) else TaskSettings.from_mapping(settings or {})
+        )
         self.subtask, self.num_sims = subtask, num_sims
         self.model = build_model(self.furniture)
         self.physics = CpuPhysics(self.model, num_sims, nthread)
@@ -110,7 +113,9 @@ class BatchedEnvironment:
         action = action.to(torch.float64).clamp(-1.0, 1.0)
         bad = action.isnan().any(dim=-1)
         if bool(bad.any()):
-            raise ValueError(f"an action of {self.name} is NaN in simulations {bad.nonzero().flatten().tolist()[:8]}")
+            raise ValueError(
+                f"an action of {self.name} is NaN in simulations {bad.nonzero().flatten().tolist()[:8]}"
+            )
         self.task.before_step(self.state, action)
         failed = self.physics.step(SUBSTEPS)
         if bool(failed.any()):
@@ -128,14 +133,20 @@ class BatchedEnvironment:
     def snapshot(self) -> TensorDict:
         """Everything that decides the future of each simulation but the random generator."""
         return TensorDict(
-            {"physics": self.physics.state(), "welds": self.physics.eq_data.clone(), "task": self.state.clone()},
+            {
+                "physics": self.physics.state(),
+                "welds": self.physics.eq_data.clone(),
+                "task": self.state.clone(),
+            },
             [self.num_sims],
         )
 
     def restore(self, snapshot: TensorDict, mask: Tensor | None = None) -> None:
         """Puts the simulations of `mask` into the states of `snapshot` (batch N)."""
         if snapshot.batch_size != torch.Size([self.num_sims]):
-            raise ValueError(f"a snapshot of {self.num_sims} simulations is needed, got {tuple(snapshot.batch_size)}")
+            raise ValueError(
+                f"a snapshot of {self.num_sims} simulations is needed, got {tuple(snapshot.batch_size)}"
+            )
         mask = self._all() if mask is None else mask
         self.physics.set_state(snapshot["physics"], snapshot["welds"], mask)
         assign(self.state, snapshot["task"].select(*self.state.keys()), mask)

@@ -68,6 +68,7 @@ class Renderer:
         self.model, self.camera, self._data = model, camera, mujoco.MjData(model)
         _choose(graphics)
         self._renderer = mujoco.Renderer(model, height, width)
+        self._renderer.update_scene(self._data, camera)  # the floor is centred on the camera of the frame before
 
     def draw(self, qpos: np.ndarray) -> np.ndarray:
         """Image (height, width, 3) uint8 of the joint positions `qpos` (nq,): a row of a batch, array or CPU tensor."""
@@ -119,6 +120,6 @@ def write_mp4(path: str | Path, frames: Iterable[np.ndarray], frames_per_second:
     import imageio.v2 as imageio
 
     Path(path).parent.mkdir(parents=True, exist_ok=True)
-    with imageio.get_writer(path, format="FFMPEG", fps=frames_per_second, macro_block_size=8) as film:  # pyright: ignore
+    with imageio.get_writer(path, format="FFMPEG", fps=frames_per_second, macro_block_size=8) as film:
         for frame in frames:
-            film.append_data(frame)
+            film.append_data(frame)  # pyright: ignore[reportAttributeAccessIssue]

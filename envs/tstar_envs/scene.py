@@ -28,7 +28,11 @@ def build_spec(furniture: Furniture) -> mujoco.MjSpec:
     _set_options(spec)
     floor = {"type": mujoco.mjtGeom.mjGEOM_PLANE, "size": (0, 0, 0.05), "friction": (2.0, 0.005, 0.0001)}
     spec.worldbody.add_geom(
-        name="floor", contype=sawyer.WORLD_BIT, conaffinity=sawyer.PART_BIT, rgba=(0.75, 0.78, 0.8, 1), **floor
+        name="floor",
+        contype=sawyer.WORLD_BIT,
+        conaffinity=sawyer.PART_BIT,
+        rgba=(0.75, 0.78, 0.8, 1),
+        **floor,
     )
     sawyer.add_sawyer(spec)
     targets = {step.target_part for step in furniture.steps}

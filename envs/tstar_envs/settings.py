@@ -49,7 +49,14 @@ class TaskSettings:
         _check_choice("preassembled", self.preassembled, ("ideal", "jitter"))
         if not 0 < self.velocity_scale <= 1:
             raise ValueError(f"setting velocity_scale must be in (0, 1], got {self.velocity_scale}")
-        for name in ("part_noise", "part_noise_degrees", "drop_height", "arm_noise", "jitter", "jitter_degrees"):
+        for name in (
+            "part_noise",
+            "part_noise_degrees",
+            "drop_height",
+            "arm_noise",
+            "jitter",
+            "jitter_degrees",
+        ):
             if getattr(self, name) < 0:
                 raise ValueError(f"setting {name} must not be negative, got {getattr(self, name)}")
         for name in ("max_steps", "settle_steps"):

@@ -50,8 +50,12 @@ class StateEditor:
         possible = qpos.isfinite().all(-1)
         for k in range(self.tables.num_steps):
             target, moving = poses[:, self.tables.target[k]], poses[:, self.tables.moving[k]]
-            pose = torch.cat(geometry.relative_pose(target[:, :3], target[:, 3:], moving[:, :3], moving[:, 3:]), dim=-1)
-            snapshot["welds"][:, k, 3:10] = torch.where(active[:, k : k + 1], pose, snapshot["welds"][:, k, 3:10])
+            pose = torch.cat(
+                geometry.relative_pose(target[:, :3], target[:, 3:], moving[:, :3], moving[:, 3:]), dim=-1
+            )
+            snapshot["welds"][:, k, 3:10] = torch.where(
+                active[:, k : k + 1], pose, snapshot["welds"][:, k, 3:10]
+            )
             possible &= ~active[:, k] | self._aligned(k, target, moving)
         for i in possible.nonzero().flatten().tolist():
             possible[i] = self._fits(qpos[i], active[i])

@@ -8,7 +8,7 @@ from torchrl.envs import Transform
 
 
 class EpisodeStart(Transform):
-    """ "start_observation": s_0 on every row of its episode, so that I_i can grow by a mask on successes.
+    """Writes "start_observation": s_0 on every row of its episode, so that I_i can grow by a mask on successes.
 
     It works in an environment only: a batch of loose steps does not know where its episodes began.
     """

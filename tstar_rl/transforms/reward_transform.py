@@ -64,4 +64,4 @@ class RewardTransform(Transform):
 
 
 def _names(tensordict: TensorDictBase) -> str:
-    return ", ".join(sorted(str(key) for key in tensordict.keys())) or "nothing"  # noqa: SIM118
+    return ", ".join(sorted(str(key) for key in tensordict.keys())) or "nothing"

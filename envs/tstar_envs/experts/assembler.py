@@ -40,7 +40,9 @@ class Assembler:
     def act(self, state: TensorDict) -> Tensor:
         """Actions (N, 9) for the present scene."""
         scene = self.task.scene(state)
-        hand = torch.stack([torch.linalg.cross(scene.closing, scene.approach), scene.closing, scene.approach], dim=-1)
+        hand = torch.stack(
+            [torch.linalg.cross(scene.closing, scene.approach), scene.closing, scene.approach], dim=-1
+        )
         reach, close = self._reach(scene, hand)
         carry, connect = self._carry(state, scene)
         holding = scene.touching.unsqueeze(-1)
@@ -55,7 +57,8 @@ class Assembler:
     def _reach(self, scene: Scene, hand: Tensor) -> tuple[Tensor, Tensor]:
         """Twist (N, 6) towards the grasp, and whether to close, (N,) bool."""
         side = (scene.grasp_axis * scene.closing).sum(-1, keepdim=True).sign()
-        level = scene.grasp_axis - scene.grip_direction * (scene.grasp_axis * scene.grip_direction).sum(-1, keepdim=True)
+        along = (scene.grasp_axis * scene.grip_direction).sum(-1, keepdim=True)
+        level = scene.grasp_axis - scene.grip_direction * along
         closing = torch.nn.functional.normalize(level * side, dim=-1)
         goal = torch.stack(
             [torch.linalg.cross(closing, scene.grip_direction), closing, scene.grip_direction], dim=-1
@@ -87,7 +90,9 @@ class Assembler:
         twist = self._twist(offset, turn, torch.zeros_like(high))
         lever = torch.linalg.cross(twist[:, 3:], scene.tip - about)
         alignment = scene.alignment
-        connect = (alignment.distance < 0.008) & (alignment.up_cosine > 0.995) & (alignment.forward_cosine > 0.995)
+        connect = (
+            (alignment.distance < 0.008) & (alignment.up_cosine > 0.995) & (alignment.forward_cosine > 0.995)
+        )
         return torch.cat([twist[:, :3] + lever, twist[:, 3:]], dim=-1), connect
 
     def _carry_height(self, state: TensorDict, scene: Scene) -> Tensor:

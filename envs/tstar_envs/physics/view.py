@@ -31,6 +31,10 @@ class PhysicsView(Protocol):
         """World position (N, 3) and rotation matrix (N, 3, 3) of a site."""
         ...
 
+    def joint_frames(self, count: int) -> tuple[Tensor, Tensor]:
+        """World anchors and axes of the first `count` joints, (N, count, 3) each."""
+        ...
+
     def sensor(self, name: str) -> Tensor:
         """Readings of a sensor, (N, dim)."""
         ...

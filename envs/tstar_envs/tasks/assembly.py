@@ -48,10 +48,12 @@ class Assembly:
             phase_reward.BONUS_SHARES, dtype=torch.float64, device=physics.device
         )
         self._touch = [
-            [physics.sensor(f"{finger}_touches_{part}") for part in furniture.part_names] for finger in sawyer.FINGERS
+            [physics.sensor(f"{finger}_touches_{part}") for part in furniture.part_names]
+            for finger in sawyer.FINGERS
         ]
         self._sensors = {
-            name: physics.sensor(name) for name in ("grip_pos", "hand_quat", "grip_linvel", "grip_angvel", "tip_pos")
+            name: physics.sensor(name)
+            for name in ("grip_pos", "hand_quat", "grip_linvel", "grip_angvel", "tip_pos")
         }
 
     @property
@@ -79,7 +81,9 @@ class Assembly:
 
     def begin_episode(self, state: TensorDict, mask: Tensor) -> None:
         """Starts the episode clocks of simulations that were put into a restored state."""
-        fresh = self.new_state().select("episode_step", "completed", "success", "wrong", "failed", "disturbed")
+        fresh = self.new_state().select(
+            "episode_step", "completed", "success", "wrong", "failed", "disturbed"
+        )
         assign(state, fresh, mask)
 
     def begin_subtask(self, state: TensorDict, mask: Tensor) -> None:

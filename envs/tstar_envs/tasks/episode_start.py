@@ -25,7 +25,9 @@ class EpisodeStarts:
         self, tables: RecipeTables, physics: PhysicsView, settings: TaskSettings, generator: torch.Generator
     ):
         self.tables, self.physics, self.settings, self.generator = tables, physics, settings, generator
-        home = torch.tensor([*sawyer.HOME_QPOS, *sawyer.FINGER_OPEN], dtype=torch.float64, device=physics.device)
+        home = torch.tensor(
+            [*sawyer.HOME_QPOS, *sawyer.FINGER_OPEN], dtype=torch.float64, device=physics.device
+        )
         self._home = home
         self._jittered = settings.preassembled == "jitter"
         self._ideal = [tables.ideal_relative_pose(k) for k in range(tables.num_steps)]
@@ -89,7 +91,7 @@ class EpisodeStarts:
         half = math.radians(self.settings.jitter_degrees) / 2 * self._uniform(1)
         quat = geometry.quat_mul(torch.cat([half.cos(), axis * half.sin()], dim=-1), quat)
         # The part comes from the side its body lies on: shift it back along the connectors' up axis only.
-        back = -1.0 if float(geometry.quat_rotate(connector[3:], connector.new_tensor([0.0, 0, 1])) @ connector[:3]) > 0 else 1.0
+        back = -1.0 if float(geometry.up_axis(connector[3:]) @ connector[:3]) > 0 else 1.0
         away = MIN_CLEARANCE + self.settings.jitter * shift[:, 2:].abs()
         offset = torch.cat([self.settings.jitter * shift[:, :2], back * away], dim=-1)
         point = goal[:3] + geometry.quat_rotate(goal[3:].expand(n, 4), offset)

@@ -69,32 +69,39 @@ def potentials(scene: Scene, start_tip: Tensor, lift_point: Tensor, z_finedist: 
 
 
 def init_eef(scene: Scene, start_tip: Tensor) -> Tensor:
+    """Potential (N,) of phase 0: the tip near where the subtask began."""
     return -100.0 * torch.exp(-10.0 * (scene.tip - start_tip).norm(dim=-1).clamp_max(0.5))
 
 
 def move_eef_above_leg(scene: Scene) -> Tensor:
+    """Potential (N,) of phase 1: the tip to a point above the grasp point."""
     return 100.0 * (scene.tip - _raised(scene.grasp_point, ABOVE)).norm(dim=-1).clamp_max(1.0)
 
 
 def lower_eef(scene: Scene) -> Tensor:
+    """Potential (N,) of phases 2 and 3: the tip to a point below the grasp point."""
     return 1000.0 * (scene.tip - _raised(scene.grasp_point, -BELOW)).norm(dim=-1).clamp_max(0.2)
 
 
 def lift_leg(scene: Scene, lift_point: Tensor) -> Tensor:
+    """Potential (N,) of phase 4: the part to the lift point."""
     offset = scene.part - lift_point
     return 500.0 * offset[:, 2].abs().clamp_max(0.5) + 250.0 * offset[:, :2].norm(dim=-1).clamp_max(0.8)
 
 
 def align_leg(alignment: Alignment, lift_distance: Tensor) -> Tensor:
+    """Potential (N,) of phase 5: connectors parallel, near the lift point."""
     return 100.0 * lift_distance.clamp_max(0.4) - 50.0 * (alignment.up_cosine + alignment.forward_cosine)
 
 
 def move_leg(scene: Scene, z_finedist: float) -> Tensor:
+    """Potential (N,) of phase 6: the connector to a point above its target."""
     cosines = scene.alignment.up_cosine.clamp_min(0) + scene.alignment.forward_cosine.clamp_min(0)
     return 300.0 * _fine_distance(scene, z_finedist).clamp_max(0.5) - 50.0 * cosines
 
 
 def move_leg_fine(alignment: Alignment) -> Tensor:
+    """Potential (N,) of phase 7: connectors together, parallel, on one line."""
     close = 500.0 * torch.exp(-25.0 * alignment.distance)
     cosines = torch.stack([alignment.up_cosine, alignment.forward_cosine])
     projections = torch.stack([alignment.moving_projection, alignment.target_projection])
@@ -104,7 +111,12 @@ def move_leg_fine(alignment: Alignment) -> Tensor:
 
 
 def conditions(
-    scene: Scene, start_tip: Tensor, lift_point: Tensor, z_finedist: float, hand_open: Tensor, connected: Tensor
+    scene: Scene,
+    start_tip: Tensor,
+    lift_point: Tensor,
+    z_finedist: float,
+    hand_open: Tensor,
+    connected: Tensor,
 ) -> Tensor:
     """Whether each phase's condition holds, (N, 8) bool."""
     to_lower = scene.tip - _raised(scene.grasp_point, -BELOW)
