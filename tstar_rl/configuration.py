@@ -1,6 +1,7 @@
 """From the values in `configs/` to the objects of a run. The one file that knows how the sections are called."""
 
 import dataclasses
+import logging
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -38,6 +39,7 @@ def recipe(name: str) -> Callable[[Callable[[DictConfig], None]], Callable[[], N
     def decorate(function: Callable[[DictConfig], None]) -> Callable[[], None]:
         def main(config: DictConfig) -> None:
             torch.set_num_threads(config.torch_threads)
+            logging.getLogger("torchrl").setLevel(logging.WARNING)
             function(config)
 
         return hydra.main(version_base="1.3", config_path=str(CONFIGS), config_name=f"recipe/{name}")(main)

@@ -26,14 +26,13 @@ class StateEditor:
         self._data = mujoco.MjData(model)
 
     def qpos_of(self, snapshot: TensorDictBase) -> Tensor:
-        """Joint positions (n, nq) of snapshots [n]; quaternions have w >= 0, so that equal poses are equal numbers."""
-        qpos = snapshot["physics"][:, self._slice(_QPOS)].clone()
-        poses = qpos[:, _ROBOT_QPOS:].unflatten(-1, (-1, 7))
-        poses[..., 3:] *= torch.where(poses[..., 3:4] < 0, -1.0, 1.0)
-        return qpos
+        """Joint positions (n, nq) of snapshots [n], quaternions with the signs that observations show."""
+        return snapshot["physics"][:, self._slice(_QPOS)].clone()
 
     def with_qpos(self, snapshot: TensorDictBase, qpos: Tensor) -> tuple[TensorDict, Tensor]:
         """Snapshots [n] at positions (n, nq), at rest, welds at the parts' new relative poses.
+
+        Quaternions are normalised, and take the sign nearer to the snapshot's own: observations show the sign.
 
         Returns:
             The snapshots, and which are possible, (n,) bool: finite, nothing penetrates by more than
@@ -41,7 +40,9 @@ class StateEditor:
         """
         snapshot, qpos = snapshot.clone(), qpos.to(torch.float64).clone()
         poses = qpos[:, _ROBOT_QPOS:].unflatten(-1, (self.tables.num_parts, 7))
-        poses[..., 3:] = torch.nn.functional.normalize(poses[..., 3:], dim=-1)
+        own = self.qpos_of(snapshot)[:, _ROBOT_QPOS:].unflatten(-1, (self.tables.num_parts, 7))[..., 3:]
+        sign = torch.where((own * poses[..., 3:]).sum(-1, keepdim=True) < 0, -1.0, 1.0)
+        poses[..., 3:] = sign * torch.nn.functional.normalize(poses[..., 3:], dim=-1)
         rows = snapshot["physics"]
         rows[:, self._slice(_QPOS)] = qpos
         rows[:, self._slice(_QVEL)] = 0.0
