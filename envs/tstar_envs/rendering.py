@@ -68,7 +68,8 @@ class Renderer:
         self.model, self.camera, self._data = model, camera, mujoco.MjData(model)
         _choose(graphics)
         self._renderer = mujoco.Renderer(model, height, width)
-        self._renderer.update_scene(self._data, camera)  # the floor is centred on the camera of the frame before
+        # MuJoCo centres the floor on the camera of the frame before: without one the first image would differ.
+        self._renderer.update_scene(self._data, camera)
 
     def draw(self, qpos: np.ndarray) -> np.ndarray:
         """Image (height, width, 3) uint8 of the joint positions `qpos` (nq,): a row of a batch, array or CPU tensor."""

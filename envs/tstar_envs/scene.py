@@ -93,6 +93,10 @@ def _add_contact_sensors(spec: mujoco.MjSpec, furniture: Furniture) -> None:
 
 
 def _add_view(spec: mujoco.MjSpec) -> None:
+    spec.add_texture(
+        name="sky", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+        rgb1=(0.93, 0.95, 0.97), rgb2=(0.7, 0.76, 0.82), width=32, height=192,
+    )  # fmt: skip
     spec.worldbody.add_light(pos=(0, -1, 2.5), dir=(0, 0.4, -1), type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL)
     spec.worldbody.add_camera(
         name="workplace", pos=(-0.95, -1.1, 0.85), fovy=48, xyaxes=(0.842, -0.539, 0, 0.211, 0.329, 0.920)
