@@ -1,0 +1,210 @@
+"""The eight phases on numbers worked by hand. Source of the figures: environment.md, "Dense reward"."""
+
+import math
+
+import pytest
+import torch
+from torch import Tensor
+from torch.testing import assert_close
+
+import tstar_envs
+from tstar_envs.connection import Alignment
+from tstar_envs.tasks import phase_reward
+from tstar_envs.tasks.phase_reward import Scene
+
+GRASP, LIFT, START = (0.1, 0.2, 0.01), (0.1, 0.2, 0.11), (0.4, 0.2, 0.3)
+PHASES = {name: i for i, name in enumerate(phase_reward.PHASES)}
+OPEN, NO = torch.tensor([True]), torch.tensor([False])
+
+
+def row(*values: float) -> Tensor:
+    return torch.tensor([values], dtype=torch.float64)
+
+
+def alignment(distance=0.2, up=1.0, forward=1.0, moving=1.0, target=1.0) -> Alignment:
+    return Alignment(
+        *(torch.tensor([v], dtype=torch.float64) for v in (distance, up, forward, moving, target))
+    )
+
+
+def scene(**changed) -> Scene:
+    """The hand at its start over a lying part, 0.2 m from the target."""
+    base = {
+        "tip": row(*START), "approach": row(0, 0, -1), "closing": row(1, 0, 0), "part": row(*GRASP),
+        "grasp_point": row(*GRASP), "grasp_axis": row(1, 0, 0), "grip_direction": row(0, 0, -1),
+        "moving_connector": row(0, 0, 0.3), "target_connector": row(0, 0, 0.1), "alignment": alignment(),
+        "touching": NO,
+    }  # fmt: skip
+    return Scene(**{**base, **changed})
+
+
+def met(phase: str, hand_open: Tensor = OPEN, connected: Tensor = NO, **changed) -> bool:
+    found = phase_reward.conditions(scene(**changed), row(*START), row(*LIFT), 0.05, hand_open, connected)
+    return bool(found[0, PHASES[phase]])
+
+
+def test_potentials_are_in_the_order_of_the_phases():
+    found = phase_reward.potentials(scene(), row(*START), row(*LIFT), 0.05)[0]
+    over, below = (
+        math.hypot(0.3, 0.24),
+        0.2,
+    )  # the tip to 5 cm above the grasp point; to 1.5 cm below: clipped
+    assert_close(found[0].item(), -100.0)
+    assert_close(found[1].item(), 100 * over)
+    assert_close(found[2:4].tolist(), [1000 * below, 1000 * below])
+    assert_close(found[4].item(), 500 * 0.1)
+    assert_close(found[5].item(), 100 * 0.1 - 50 * 2)
+    assert_close(found[6].item(), 300 * 0.15 - 50 * 2)  # 0.3 is 0.15 over z_finedist above the target
+    assert_close(found[7].item(), -(500 * math.exp(-5.0) + 400 + 200))
+
+
+def test_init_eef_clips_at_half_a_metre():
+    far = scene(tip=row(9, 9, 9))
+    assert_close(phase_reward.init_eef(far, row(*START)).item(), -100 * math.exp(-5.0))
+    assert_close(
+        phase_reward.init_eef(scene(tip=row(0.5, 0.2, 0.3)), row(*START)).item(), -100 * math.exp(-1.0)
+    )
+
+
+def test_reaching_potentials():
+    assert_close(phase_reward.move_eef_above_leg(scene(tip=row(0.1, 0.2, 0.36))).item(), 100 * 0.3)
+    assert_close(phase_reward.move_eef_above_leg(scene(tip=row(9, 9, 9))).item(), 100.0)
+    assert_close(phase_reward.lower_eef(scene(tip=row(0.1, 0.2, 0.095))).item(), 1000 * 0.1)
+
+
+def test_lift_leg_takes_height_and_plane_apart():
+    moved = scene(part=row(0.13, 0.24, 0.05))  # 6 cm under, 5 cm beside the lift point
+    assert_close(phase_reward.lift_leg(moved, row(*LIFT)).item(), 500 * 0.06 + 250 * 0.05)
+    assert_close(phase_reward.lift_leg(scene(part=row(9, 9, 9)), row(*LIFT)).item(), 500 * 0.5 + 250 * 0.8)
+
+
+def test_align_and_move_leg():
+    lying = alignment(up=-0.5, forward=0.2)
+    assert_close(phase_reward.align_leg(lying, torch.tensor([0.7], dtype=torch.float64)).item(), 40 + 15.0)
+    assert_close(phase_reward.move_leg(scene(alignment=lying), 0.05).item(), 300 * 0.15 - 50 * 0.2)
+    far = scene(alignment=lying, moving_connector=row(5, 5, 5))
+    assert_close(phase_reward.move_leg(far, 0.05).item(), 300 * 0.5 - 50 * 0.2)
+
+
+def test_move_leg_fine():
+    found = phase_reward.move_leg_fine(alignment(0.04, 0.9, 0.8, -0.5, 0.25)).item()
+    close, upright = 500 * math.exp(-1.0), 200 * (math.exp(-0.2) + math.exp(-0.4))
+    assert_close(found, -(close + upright + 100 * (math.exp(-1.5) + math.exp(-2.25))))
+
+
+@pytest.mark.parametrize(
+    ("phase", "yes", "no"),
+    [
+        ("init_eef", {"tip": row(0.4, 0.2, 0.329)}, {"tip": row(0.4, 0.2, 0.331)}),
+        ("move_eef_above_leg", {"tip": row(0.1, 0.2, 0.089)}, {"tip": row(0.1, 0.2, 0.091)}),
+        ("lower_eef", {"tip": row(0.119, 0.2, 0.009)}, {"tip": row(0.121, 0.2, 0.009)}),
+        ("lower_eef", {"tip": row(0.1, 0.2, 0.0099)}, {"tip": row(0.1, 0.2, 0.0101)}),
+        ("lift_leg", {"part": row(0.149, 0.2, 0.11)}, {"part": row(0.151, 0.2, 0.11)}),
+        ("lift_leg", {"part": row(0.1, 0.2, 0.091)}, {"part": row(0.1, 0.2, 0.089)}),
+    ],
+)
+def test_conditions_of_reaching_and_lifting(phase, yes, no):
+    assert met(phase, **yes) and not met(phase, **no)
+    if phase != "init_eef":
+        turned = row(0.94, math.sqrt(1 - 0.94**2), 0)
+        assert not met(phase, **yes, closing=turned) and met(phase, **yes, closing=row(-1, 0, 0))
+    if phase != "lift_leg":
+        assert not met(phase, hand_open=NO, **yes)
+        assert not met(phase, **yes, approach=row(0, math.sqrt(1 - 0.94**2), -0.94))
+
+
+def test_conditions_of_holding():
+    below, above = {"tip": row(0.1, 0.2, 0.005)}, {"tip": row(0.1, 0.2, 0.015)}
+    assert met("grasp_leg", **below, touching=OPEN)
+    assert not met("grasp_leg", **below) and not met("grasp_leg", **above, touching=OPEN)
+    upright, leaning = alignment(up=0.86, forward=0.86), alignment(up=0.86, forward=0.84)
+    over, away = row(0, 0, 0.209), row(0, 0, 0.211)  # 6 cm around 5 cm above the target
+    assert met("align_leg", alignment=upright, touching=OPEN)
+    assert not met("align_leg", alignment=leaning, touching=OPEN) and not met("align_leg", alignment=upright)
+    assert not met("align_leg", alignment=upright, touching=OPEN, part=row(0.1, 0.2, 0.32))
+    assert met("move_leg", alignment=upright, touching=OPEN, moving_connector=over)
+    assert not met("move_leg", alignment=upright, touching=OPEN, moving_connector=away)
+    assert not met("move_leg", alignment=leaning, touching=OPEN, moving_connector=over)
+    assert met("move_leg_fine", connected=OPEN) and not met("move_leg_fine")
+
+
+def test_grip_penalty_follows_the_phase():
+    leaning = scene(approach=row(0, 0.6, -0.8), closing=row(-0.5, math.sqrt(0.75), 0))
+    found = [phase_reward.grip_penalty(leaning, torch.tensor([phase])).item() for phase in range(8)]
+    assert_close(found, [4 * -0.2] + [4 * -0.2 + 2 * -0.5] * 4 + [0.0] * 3)
+
+
+@pytest.fixture(scope="module")
+def task():
+    world = tstar_envs.load("table_lack", 1, subtask=0, nthread=1, seed=0)
+    world.reset()
+    return world.task
+
+
+def reward(
+    task, phase: int, then: Scene, grip=-1.0, connect=-1.0, connected=NO, **state
+) -> tuple[float, dict]:
+    """One step's reward from `scene()` to `then`, with nothing moving the arm, and the state after it."""
+    before = task.new_state()
+    before["phase"].fill_(phase)
+    before["grip_action"].fill_(-1.0)
+    for name, value in {
+        "start_tip": row(*START),
+        "lift_point": row(*LIFT),
+        "start_target": row(0, 0, 0.1),
+    }.items():
+        before[name] = value
+    before["potential"] = task._potentials(scene(), before)
+    for name, value in state.items():
+        before[name] = torch.full_like(before[name], value)
+    action = row(*[0.0] * 7, grip, connect)
+    return task._reward(before, then, action, connected).item(), before
+
+
+def test_a_step_is_ten_times_the_fall_of_the_potential(task):
+    found, after = reward(task, 1, scene(tip=row(0.1, 0.2, 0.36)))
+    assert_close(found, 10 * 100 * (math.hypot(0.3, 0.24) - 0.3) + 1.0)  # + 1: the hand is open
+    assert after["phase"].item() == 1
+
+
+@pytest.mark.parametrize(("phase", "share"), [(0, 1.0), (1, 1.0), (6, 2.0)])
+def test_a_met_condition_pays_a_bonus_and_begins_the_next_phase(task, phase, share):
+    then = {1: scene(tip=row(0.1, 0.2, 0.06)), 6: scene(moving_connector=row(0, 0, 0.15), touching=OPEN)}
+    found, after = reward(task, phase, then.get(phase, scene()))
+    fall = {0: 0.0, 1: 100 * math.hypot(0.3, 0.24), 6: 300 * 0.15}[phase]
+    assert_close(found, 5000 * share + 10 * fall + (1.0 if phase <= 2 else -1.0))
+    assert after["phase"].item() == phase + 1
+
+
+def test_closing_pays_in_the_grasp_phase_only(task):
+    assert_close(reward(task, 3, scene(), grip=1.0)[0], 200 * 2.0 + 1.0)
+    assert_close(reward(task, 2, scene(), grip=1.0)[0], -1.0)
+
+
+def test_half_a_bonus_is_paid_once_for_lifting(task):
+    lifted = scene(part=row(0.1, 0.2, 0.021), touching=OPEN)
+    once, after = reward(task, 4, lifted, grip=1.0)
+    assert after["half_paid"].item()
+    assert_close(once, 2500 + 10 * 500 * 0.011 + 1.0)
+    assert_close(reward(task, 4, lifted, grip=1.0, half_paid=True)[0], 10 * 500 * 0.011 + 1.0)
+
+
+def test_a_dropped_part_costs_and_gains_nothing(task):
+    nearer, farther = scene(part=row(0.1, 0.2, 0.015)), scene(part=row(0.1, 0.2, 0.005))
+    assert_close(reward(task, 4, nearer, grip=1.0)[0], 1.0 - 20.0)
+    assert_close(reward(task, 4, farther, grip=1.0)[0], -10 * 500 * 0.005 + 1.0 - 20.0)
+
+
+def test_a_moved_target_costs_every_step(task):
+    pushed = scene(target_connector=row(0.03, 0.04, 0.1))
+    assert_close(reward(task, 1, pushed)[0], 1.0 - 50 * 0.05)
+
+
+def test_asking_pays_while_aligned_and_is_taken_back_from_the_bonus(task):
+    near = scene(alignment=alignment(0.01), touching=OPEN)
+    gain = 10 * 500 * (math.exp(-0.25) - math.exp(-5.0))
+    asked, after = reward(task, 7, near, grip=1.0, connect=0.5)
+    assert_close(asked, gain + 10 * 1.5 + 1.0)
+    assert_close(after["asked"].item(), 15.0)
+    connected, _ = reward(task, 7, near, grip=1.0, connect=1.0, connected=OPEN, asked=15.0)
+    assert_close(connected, gain + 10000 - 15.0 + 1.0)
