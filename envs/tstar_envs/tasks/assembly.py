@@ -113,8 +113,7 @@ class Assembly:
         state["wrong"] = self._wrong_connection(state, asks & ~connected)
         state["failed"] = failed
         state["reward"] = self._reward(state, scene, action, connected) * ~failed
-        moved = (scene.target_connector - state["start_target"]).norm(dim=-1)
-        state["disturbed"] = moved > DISTURBED
+        state["disturbed"] = _moved(state, scene) > DISTURBED
         state["success"] = connected & (state["subtask"] == self.last_subtask)
         if bool(connected.any()):
             self._connect(state, connected)
@@ -210,19 +209,23 @@ class Assembly:
         asking = 10.0 * (action[:, CONNECT] + 1) * ((phase == 7) & scene.alignment.aligned & ~connected)
         bonus = paid + 0.5 * self._bonuses[4] * raised + asking - state["asked"] * connected
 
-        moved = (scene.target_connector - state["start_target"]).norm(dim=-1)
-        every_step = (
-            -0.001 * action[:, : sawyer.NUM_JOINTS].norm(dim=-1)
-            + torch.where(phase <= 2, -grip, grip)
-            - 50.0 * moved
-            + phase_reward.grip_penalty(scene, phase)
-            - 20.0 * lost
-        )
+        every_step = self._every_step(state, scene, action, lost)
         state["half_paid"] = state["half_paid"] | raised
         state["asked"] = state["asked"] + asking
         state["potential"], state["grip_action"] = potential, grip.clone()
         state["phase"] = (phase + (done & ~connected)).clamp_max(len(phase_reward.PHASES) - 1)
         return difference + bonus + every_step
+
+    def _every_step(self, state: TensorDict, scene: Scene, action: Tensor, lost: Tensor) -> Tensor:
+        """What every control step pays, (N,): control, gripper, moved target, tilted grip, dropped part."""
+        grip = action[:, GRIPPER]
+        return (
+            -0.001 * action[:, : sawyer.NUM_JOINTS].norm(dim=-1)
+            + torch.where(state["phase"] <= 2, -grip, grip)
+            - 50.0 * _moved(state, scene)
+            + phase_reward.grip_penalty(scene, state["phase"])
+            - 20.0 * lost
+        )
 
     def _connect(self, state: TensorDict, mask: Tensor) -> None:
         """Welds the parts where they met, sends the arm home, and begins the next subtask."""
@@ -250,6 +253,11 @@ def assign(state: TensorDict, fresh: TensorDictBase, mask: Tensor) -> None:
     for name, value in fresh.items():
         where = mask.reshape(-1, *[1] * (value.ndim - 1))
         state[name] = torch.where(where, value, state[name])
+
+
+def _moved(state: TensorDict, scene: Scene) -> Tensor:
+    """How far the target connector is from where it was when the subtask began, m, (N,)."""
+    return (scene.target_connector - state["start_target"]).norm(dim=-1)
 
 
 def _rotate(matrix: Tensor, vector: Tensor) -> Tensor:
