@@ -59,9 +59,11 @@ def main(config: DictConfig) -> None:
             skill.policy, skill.value, settings(PPOSettings, config.ppo), skill.return_scale, seed
         )
         reward = [GAILReward(skill.f_phi)]
-        if config.bonus is not None:
+        weights = {**config.reward, "lambda_3": 0.0}
+        if config.bonus is not None and index + 1 < len(skills):
             reward.append(TerminalStateReward(ConstantBonus(config.bonus)))
-        reward = Compose(*reward, RewardMixture(**config.reward))
+            weights["lambda_3"] = config.reward.lambda_3
+        reward = Compose(*reward, RewardMixture(**weights))
 
         for number in range(rollouts):
             explore(skill, config, 1.0)
