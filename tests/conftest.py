@@ -6,6 +6,8 @@ from tensordict import TensorDict
 from torchrl.data import Bounded, Categorical, Composite, Unbounded
 from torchrl.envs import EnvBase
 
+torch.set_num_threads(1)  # the tests' networks are small: more threads wait for each other
+
 
 class PointEnv(EnvBase):
     """A point on a line: action 0 moves it, past 1 is a success, below -1 a failure.
