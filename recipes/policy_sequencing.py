@@ -55,9 +55,8 @@ def main(config: DictConfig) -> None:
         )
         collection = Collection(env, skill.policy, training.horizon)
         update_f_phi = make_f_phi_update(skill.f_phi, settings(DiscriminatorSettings, config.f_phi), seed)
-        update_policy = PolicyUpdate(
-            skill.policy, skill.value, settings(PPOSettings, config.ppo), skill.return_scale, seed
-        )
+        ppo = settings(PPOSettings, {**config.ppo, "critic_warmup": config.chain.critic_warmup})
+        update_policy = PolicyUpdate(skill.policy, skill.value, ppo, skill.return_scale, seed)
         reward = [GAILReward(skill.f_phi)]
         weights = {**config.reward, "lambda_3": 0.0}
         if config.bonus is not None and index + 1 < len(skills):

@@ -56,9 +56,8 @@ def main(config: DictConfig) -> None:
         )
         collection = Collection(env, skill.policy, training.horizon)
         update_f_phi = make_f_phi_update(skill.f_phi, settings(DiscriminatorSettings, config.f_phi), seed)
-        update_policy = PolicyUpdate(
-            skill.policy, skill.value, settings(PPOSettings, config.ppo), skill.return_scale, seed
-        )
+        ppo = settings(PPOSettings, {**config.ppo, "critic_warmup": config.chain.critic_warmup})
+        update_policy = PolicyUpdate(skill.policy, skill.value, ppo, skill.return_scale, seed)
         reward = [GAILReward(skill.f_phi)]
         weights = dict(config.reward)
         if following is not None:

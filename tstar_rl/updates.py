@@ -63,6 +63,8 @@ class PPOSettings:
     """The actor stands still for the rest of an update once the KL of a minibatch exceeds this."""
     critic_warmup: int = 0
     """First updates in which the critic alone is trained."""
+    rate_warmup: int = 0
+    """First steps of the actor in which its rate grows linearly: Adam's very first steps have full size."""
     normalize_returns: bool = False
     """Divide rewards by the running deviation of discounted returns."""
 
@@ -140,7 +142,8 @@ class PolicyUpdate:
         self.settings = settings
         self.return_scale = return_scale
         self.generator = torch.Generator().manual_seed(seed)
-        self.updates = 0
+        self.updates = self.actor_steps = 0
+        self.actor_rate = settings.learning_rate
         self.carried = torch.zeros(())
         self.loss = ClipPPOLoss(
             policy,
@@ -196,6 +199,9 @@ class PolicyUpdate:
             actor_moves = log["kl"] <= self.settings.kl_stop
         if actor_moves:
             policy_loss = losses["loss_objective"] + losses.get("loss_entropy", torch.zeros(()))
+            self.actor_steps += 1
+            warmth = min(self.actor_steps / max(self.settings.rate_warmup, 1), 1.0)
+            self.actor_optimizer.param_groups[0]["lr"] = warmth * self.actor_rate
             _descend(
                 self.actor_optimizer,
                 policy_loss,
@@ -230,7 +236,7 @@ class PolicyUpdate:
         if self.settings.linear_decay:
             share = max(1.0 - progress, 0.0)
             critic_rate = self.settings.critic_learning_rate or self.settings.learning_rate
-            self.actor_optimizer.param_groups[0]["lr"] = share * self.settings.learning_rate
+            self.actor_rate = share * self.settings.learning_rate
             self.critic_optimizer.param_groups[0]["lr"] = share * critic_rate
 
     def state_dict(self) -> dict[str, Any]:
@@ -240,6 +246,7 @@ class PolicyUpdate:
             "critic_optimizer": self.critic_optimizer.state_dict(),
             "generator": self.generator.get_state(),
             "updates": self.updates,
+            "actor_steps": self.actor_steps,
             "carried": self.carried,
         }
 
@@ -248,7 +255,8 @@ class PolicyUpdate:
         self.actor_optimizer.load_state_dict(state["actor_optimizer"])
         self.critic_optimizer.load_state_dict(state["critic_optimizer"])
         self.generator.set_state(state["generator"])
-        self.updates, self.carried = int(state["updates"]), state["carried"]
+        self.updates, self.actor_steps = int(state["updates"]), int(state["actor_steps"])
+        self.carried = state["carried"]
 
 
 @dataclass
