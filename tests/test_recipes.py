@@ -1,6 +1,7 @@
 """Recipes, run as users run them: the same figures however they are run, and clear words when they cannot be."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -41,6 +42,17 @@ def run(recipe: str, *values: str) -> subprocess.CompletedProcess[str]:
 
 def places(folder: Path, name: str) -> list[str]:
     return [f"results_dir={folder / name / 'results'}", f"runs_dir={folder / name / 'runs'}"]
+
+
+def kill_after(rows: int, file: Path, recipe: str, *values: str) -> int:
+    """Starts a recipe and kills it once its table has that many rows; returns how many it then has."""
+    path = os.pathsep.join([str(ROOT), str(ROOT / "envs")])
+    process = subprocess.Popen(command(recipe, *values), env={**os.environ, "PYTHONPATH": path})
+    while process.poll() is None and (not file.is_file() or len(file.read_text().splitlines()) <= rows):
+        time.sleep(0.01)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    return len(file.read_text().splitlines()) - 1
 
 
 def metrics(folder: Path, name: str) -> Path:
@@ -105,14 +117,8 @@ def test_a_killed_run_resumes_to_the_same_figures(demonstrations, tmp_path):
     done = run("gail_ppo", "subtask=0", demonstrations, *places(tmp_path, "whole"))
     assert done.returncode == 0, done.stderr
     values = ["subtask=0", demonstrations, *places(tmp_path, "killed")]
-    path = os.pathsep.join([str(ROOT), str(ROOT / "envs")])
-    process = subprocess.Popen(command("gail_ppo", *values), env={**os.environ, "PYTHONPATH": path})
     file = metrics(tmp_path, "killed")
-    while process.poll() is None and (not file.is_file() or len(file.read_text().splitlines()) < 5):
-        time.sleep(0.01)
-    process.send_signal(signal.SIGKILL)
-    process.wait()
-    assert 4 <= len(file.read_text().splitlines()) - 1 < 8, "it was not killed in the middle"
+    assert 4 <= kill_after(4, file, "gail_ppo", *values) < 8, "it was not killed in the middle"
     done = run("gail_ppo", *values)
     assert done.returncode == 0, done.stderr
     assert file.read_bytes() == metrics(tmp_path, "whole").read_bytes()
@@ -124,3 +130,27 @@ def test_resuming_with_another_config_is_refused(demonstrations, tmp_path):
     assert run("gail_ppo", *values).returncode == 0
     done = run("gail_ppo", *values, "ppo.epochs=7")
     assert done.returncode and "ppo.epochs was 2" in done.stderr and "resume=false" in done.stderr
+
+
+@pytest.mark.slow
+def test_a_killed_chain_resumes_to_the_same_figures(tmp_path):
+    demonstrations = f"demonstrations_dir={tmp_path}"
+    skills = [demonstrations, "demonstrations.episodes=16", "bc.epochs=40", "training.total_steps=0"]
+    place = f"runs_dir={tmp_path / 'whole' / 'runs'}", f"results_dir={tmp_path / 'whole' / 'results'}"
+    assert run("make_demonstrations", *skills, "kinds=[noisy]").returncode == 0
+    for index in range(4):
+        done = run("gail_ppo", *skills, *place, f"subtask={index}")
+        assert done.returncode == 0, done.stderr
+    (tmp_path / "killed").mkdir()
+    shutil.copytree(tmp_path / "whole" / "runs", tmp_path / "killed" / "runs")
+
+    chain = [demonstrations, "chain.rounds=1", "chain.steps_per_turn=512", "chain.trial_episodes=8"]
+    files = {}
+    for name in ("whole", "killed"):
+        values = [*chain, *places(tmp_path, name)]
+        files[name] = tmp_path / name / "results" / "table_lack" / "tstar" / "seed0" / "metrics.csv"
+        if name == "killed":
+            assert 9 <= kill_after(9, files[name], "tstar", *values) < 16, "it was not killed in the middle"
+        done = run("tstar", *values)
+        assert done.returncode == 0, done.stderr
+    assert files["whole"].read_bytes() == files["killed"].read_bytes()
