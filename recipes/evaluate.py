@@ -55,7 +55,9 @@ def _places(config: DictConfig) -> tuple[Path, list[Path], str]:
         found = [path] if Checkpoint.is_checkpoint(path) else sorted(path.glob("skill*"))
         if not found:
             raise FileNotFoundError(f"no skill and no chain at {path}")
-        return path.parent, found, path.name
+        home, runs = path.parent.absolute(), Path(config.runs_dir).absolute()
+        kept = Path(config.results_dir, home.relative_to(runs)) if home.is_relative_to(runs) else home
+        return kept, found, path.name
     results = run_path(config.results_dir, task, config.system, seed, config.subtask)
     if config.subtask is not None:
         return results, [run_path(config.runs_dir, task, config.system, seed, config.subtask) / name], name
