@@ -1,46 +1,19 @@
-"""What changes networks: behaviour cloning, PPO, and the two discriminators.
-
-An update is an object only because an optimiser has a memory; calling it with data is one update, and what it
-returns goes into the log. Its `state_dict` makes a run resumable.
-"""
+"""Proximal policy optimisation of a policy and its value network."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import torch
-from tensordict import TensorDict, TensorDictBase
+from tensordict import TensorDictBase
 from torch import Tensor, nn
 from torchrl.modules import ProbabilisticActor, ValueOperator
-from torchrl.objectives import ClipPPOLoss, LossModule
+from torchrl.objectives import ClipPPOLoss
 from torchrl.objectives.value import GAE
 
-from tstar_rl.networks import Discriminator
-from tstar_rl.objectives import GAILDiscriminatorLoss, InitiationSetLoss
-
-__all__ = [
-    "BehaviourCloningSettings",
-    "DiscriminatorSettings",
-    "DiscriminatorUpdate",
-    "PPOSettings",
-    "PolicyUpdate",
-    "ReturnScale",
-    "behaviour_cloning",
-    "make_d_omega_update",
-    "make_f_phi_update",
-]
+from tstar_rl.updates.return_scale import ReturnScale
 
 PPO_KEYS = ("observation", "action", "action_log_prob", "advantage", "value_target")
-
-
-@dataclass(frozen=True)
-class BehaviourCloningSettings:
-    """Source: environment.md ("BC 1000 epochs, batch 256, Adam 1e-4") for the defaults."""
-
-    epochs: int = 1000
-    minibatch: int = 256
-    learning_rate: float = 1e-4
-    cosine_decay: bool = False
 
 
 @dataclass(frozen=True)
@@ -67,55 +40,6 @@ class PPOSettings:
     """First steps of the actor in which its rate grows linearly: Adam's very first steps have full size."""
     normalize_returns: bool = False
     """Divide rewards by the running deviation of discounted returns."""
-
-
-@dataclass(frozen=True)
-class DiscriminatorSettings:
-    """Source: environment.md, "discriminators f, D"; the size of an update is the implementation's."""
-
-    learning_rate: float = 1e-4
-    minibatch: int = 128
-    steps: int = 100
-    """Minibatches in one update, drawn at random: a subsample of a large rollout."""
-    gradient_penalty: float = 10.0
-
-
-class ReturnScale(nn.Module):
-    """The running deviation of discounted returns, by which rewards are divided.
-
-    Args:
-        gamma: discount.
-    """
-
-    count: Tensor
-    mean: Tensor
-    var: Tensor
-
-    def __init__(self, gamma: float = 0.99) -> None:
-        super().__init__()
-        self.gamma = gamma
-        self.register_buffer("count", torch.zeros((), dtype=torch.float64))
-        self.register_buffer("mean", torch.zeros((), dtype=torch.float64))
-        self.register_buffer("var", torch.ones((), dtype=torch.float64))
-
-    @torch.no_grad()
-    def forward(self, reward: Tensor, done: Tensor, carried: Tensor) -> tuple[Tensor, Tensor]:
-        """reward, done: (N, T, 1), carried: (N, 1) returns so far -> scaled reward (N, T, 1), carried (N, 1)."""
-        returns = []
-        for t in range(reward.shape[1]):
-            carried = carried * self.gamma + reward[:, t]
-            returns.append(carried)
-            carried = carried * ~done[:, t]
-        self._update(torch.stack(returns, 1).double())
-        return (reward / self.var.sqrt().clamp_min(1e-8)).to(reward.dtype), carried
-
-    def _update(self, rows: Tensor) -> None:
-        total = self.count + rows.numel()
-        share, step = rows.numel() / total, rows.mean() - self.mean
-        var = rows.var(unbiased=False)
-        self.var.copy_((1 - share) * self.var + share * var + share * (1 - share) * step.square())
-        self.mean.add_(share * step)
-        self.count.copy_(total)
 
 
 class PolicyUpdate:
@@ -257,109 +181,6 @@ class PolicyUpdate:
         self.generator.set_state(state["generator"])
         self.updates, self.actor_steps = int(state["updates"]), int(state["actor_steps"])
         self.carried = state["carried"]
-
-
-@dataclass
-class DiscriminatorUpdate:
-    """Some optimiser steps of a discriminator's loss on random minibatches of two sets of observations.
-
-    Args:
-        loss: reads the two keys; entries beginning with "loss_" are summed.
-        keys: of the positive observations and the negative ones.
-        settings: see `DiscriminatorSettings`.
-        name: prefix of what is logged.
-        seed: of the minibatches.
-    """
-
-    loss: LossModule
-    keys: tuple[str, str]
-    settings: DiscriminatorSettings
-    name: str
-    seed: int = 0
-    optimizer: torch.optim.Optimizer = field(init=False)
-    generator: torch.Generator = field(init=False)
-
-    def __post_init__(self) -> None:
-        self.optimizer = torch.optim.Adam(self.loss.parameters(), self.settings.learning_rate)
-        self.generator = torch.Generator().manual_seed(self.seed)
-
-    def __call__(self, positive: Tensor, negative: Tensor) -> dict[str, float]:
-        """positive: (..., 72), negative: (..., 72) -> mean loss and scores; nothing if either is empty."""
-        sets = [rows.reshape(-1, rows.shape[-1]) for rows in (positive, negative)]
-        if not all(len(rows) for rows in sets):
-            return {}
-        sums: dict[str, Tensor] = {}
-        for _ in range(self.settings.steps):
-            draws = [
-                rows[torch.randint(len(rows), (self.settings.minibatch,), generator=self.generator)]
-                for rows in sets
-            ]
-            out = self.loss(TensorDict(dict(zip(self.keys, draws, strict=True)), [self.settings.minibatch]))
-            loss = torch.stack([value for key, value in out.items() if key.startswith("loss_")]).sum()
-            self.optimizer.zero_grad()
-            loss.backward()
-            self.optimizer.step()
-            for key, value in out.items():
-                sums[key] = sums.get(key, 0.0) + value.detach()
-        return {f"{self.name}_{key}": float(value) / self.settings.steps for key, value in sums.items()}
-
-    def state_dict(self) -> dict[str, Any]:
-        """Optimiser and generator."""
-        return {
-            "optimizer": self.optimizer.state_dict(),
-            "generator": self.generator.get_state(),
-        }
-
-    def load_state_dict(self, state: dict[str, Any]) -> None:
-        """What `state_dict` gave."""
-        self.optimizer.load_state_dict(state["optimizer"])
-        self.generator.set_state(state["generator"])
-
-
-def make_f_phi_update(
-    f_phi: Discriminator, settings: DiscriminatorSettings, seed: int = 0
-) -> DiscriminatorUpdate:
-    """Called with (expert observations, the agent's)."""
-    loss = GAILDiscriminatorLoss(f_phi, settings.gradient_penalty)
-    return DiscriminatorUpdate(loss, ("expert_observation", "observation"), settings, "f_phi", seed)
-
-
-def make_d_omega_update(
-    d_omega: Discriminator, settings: DiscriminatorSettings, seed: int = 0
-) -> DiscriminatorUpdate:
-    """Called with (initiation set of the skill, termination set of the skill before)."""
-    loss = InitiationSetLoss(d_omega, settings.gradient_penalty)
-    keys = ("initiation_observation", "termination_observation")
-    return DiscriminatorUpdate(loss, keys, settings, "d_omega", seed)
-
-
-def behaviour_cloning(
-    policy: ProbabilisticActor,
-    observations: Tensor,
-    actions: Tensor,
-    settings: BehaviourCloningSettings,
-    seed: int = 0,
-) -> dict[str, float]:
-    """Fits the policy's mean to actions (n, 9) at observations (n, 72) by least squares; logs the last epoch's loss."""
-    generator = torch.Generator().manual_seed(seed)
-    optimizer = torch.optim.Adam(policy.parameters(), settings.learning_rate)
-    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, settings.epochs)
-    loss_sum, count = 0.0, 0
-    for _ in range(settings.epochs):
-        loss_sum, count = 0.0, 0
-        for rows in torch.randperm(len(observations), generator=generator).split(settings.minibatch):
-            batch = TensorDict({"observation": observations[rows]}, [len(rows)])
-            loss = (policy.get_dist(batch).mean - actions[rows]).square().mean()
-            optimizer.zero_grad()
-            loss.backward()
-            optimizer.step()
-            loss_sum, count = (
-                loss_sum + float(loss.detach()) * len(rows),
-                count + len(rows),
-            )
-        if settings.cosine_decay:
-            schedule.step()
-    return {"bc_loss": loss_sum / max(count, 1)}
 
 
 def _descend(
