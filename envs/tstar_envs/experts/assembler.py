@@ -102,7 +102,7 @@ class Assembler:
 
     def _connector_frames(self, state: TensorDict) -> tuple[Tensor, Tensor]:
         """World frames (N, 3, 3) of the moving connector and of its goal, at the turn that the recipe names."""
-        tables, k = self.task.tables, self.task._step_index(state)
+        tables, k = self.task.tables, self.task.step_index(state)
         poses, rows = self.task.part_poses, torch.arange(self.physics.num_sims, device=self.physics.device)
         moving = geometry.quat_to_matrix(poses[rows, tables.moving[k], 3:]) @ tables.moving_frame[k]
         return moving, geometry.quat_to_matrix(poses[rows, tables.target[k], 3:]) @ tables.goal_frame[k]

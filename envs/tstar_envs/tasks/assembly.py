@@ -94,7 +94,7 @@ class Assembly:
         fresh["grip_action"].fill_(-1.0)
         fresh["start_tip"].copy_(scene.tip)
         fresh["start_target"].copy_(scene.target_connector)
-        fresh["lift_point"].copy_(scene.part + self.tables.waypoint[self._step_index(state)])
+        fresh["lift_point"].copy_(scene.part + self.tables.waypoint[self.step_index(state)])
         fresh["potential"].copy_(self._potentials(scene, fresh))
         kept = ("subtask", "episode_step", "completed", "reward", "success", "wrong", "failed", "disturbed")
         assign(state, fresh.exclude(*kept), mask)
@@ -142,7 +142,7 @@ class Assembly:
 
     def scene(self, state: TensorDict) -> Scene:
         """What the simulations look like to the subtask that each is at."""
-        tables, k = self.tables, self._step_index(state)
+        tables, k = self.tables, self.step_index(state)
         poses, rows = self.part_poses, torch.arange(self.physics.num_sims, device=self.physics.device)
         moving, target = poses[rows, tables.moving[k]], poses[rows, tables.target[k]]
         moving_matrix, target_matrix = (geometry.quat_to_matrix(pose[:, 3:]) for pose in (moving, target))
@@ -178,7 +178,8 @@ class Assembly:
         pose = torch.cat(geometry.compose_pose(target[:, :3], target[:, 3:], ideal[:3], ideal[3:]), dim=-1)
         self.part_poses[mask, self.tables.moving[subtask]] = pose[mask]
 
-    def _step_index(self, state: TensorDict) -> Tensor:
+    def step_index(self, state: TensorDict) -> Tensor:
+        """(N,): which row of the recipe tables each simulation is at; the last one once everything is done."""
         return state["subtask"].clamp_max(self.tables.num_steps - 1)
 
     def _potentials(self, scene: Scene, state: TensorDict) -> Tensor:
@@ -189,7 +190,7 @@ class Assembly:
         suspects = asks & held.any(-1)
         if not bool(suspects.any()):
             return torch.zeros_like(asks)
-        return suspects & self._wrong.made(self.part_poses, held, self._step_index(state))
+        return suspects & self._wrong.made(self.part_poses, held, self.step_index(state))
 
     def _reward(self, state: TensorDict, scene: Scene, action: Tensor, connected: Tensor) -> Tensor:
         phase, grip = state["phase"], action[:, GRIPPER]
