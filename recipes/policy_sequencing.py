@@ -25,7 +25,7 @@ from tstar_rl.configuration import (
     trial_environment,
 )
 from tstar_rl.logging import Run
-from tstar_rl.state_sets import TerminalGaussian
+from tstar_rl.starts import gaussian_counts
 from tstar_rl.transforms import ConstantBonus, GAILReward, RewardMixture, TerminalStateReward
 from tstar_rl.updates import DiscriminatorSettings, PolicyUpdate, PPOSettings, make_f_phi_update
 
@@ -47,9 +47,7 @@ def main(config: DictConfig) -> None:
         index, seed = run.turn % len(skills), derive_seed(config.seed, "train", run.turn)
         torch.manual_seed(seed)
         skill, before = skills[index], skills[index].network_state()
-        starts = (
-            partial(TerminalGaussian, termination_set=skills[index - 1].termination_set) if index else None
-        )
+        starts = skills[index - 1].termination_set if index else None  # chain.starts: 80% a Gaussian fitted to it
         env = environment(
             config, index, training.num_envs, seed, starts, snapshots=True, max_steps=training.max_steps
         )
@@ -72,8 +70,7 @@ def main(config: DictConfig) -> None:
             log = update_f_phi(experts[index].observations, rollout["observation"])
             rollout = reward(rollout)
             log |= update_policy(rollout, steps / run.total)
-            if index:
-                log |= {f"gaussian_{name}": count for name, count in env.transform[-1].starts.counts.items()}
+            log |= gaussian_counts(env)
             if config.chain.gate and number == rollouts - 1:
                 make_trial = partial(trial_environment, config, skills, run.turn + 1, index)
                 log |= keep_better(skill, before, make_trial, config.chain.gate_margin)

@@ -22,6 +22,7 @@ from tstar_rl.configuration import (
     trial_environment,
 )
 from tstar_rl.logging import Run
+from tstar_rl.starts import gaussian_counts
 from tstar_rl.transforms import GAILReward, RewardMixture, TerminalStateReward
 from tstar_rl.updates import (
     DiscriminatorSettings,
@@ -50,7 +51,7 @@ def main(config: DictConfig) -> None:
         torch.manual_seed(seed)
         skill, before = skills[index], skills[index].network_state()
         following = skills[index + 1] if index + 1 < len(skills) else None
-        starts = skills[index - 1].termination_set if index else None  # 80%; 20% the environment's own
+        starts = skills[index - 1].termination_set if index else None  # chain.starts: 80%; 20% the environment's
         env = environment(
             config, index, training.num_envs, seed, starts, snapshots=True, max_steps=training.max_steps
         )
@@ -79,7 +80,7 @@ def main(config: DictConfig) -> None:
             if following is not None:
                 log |= update_d_omega(states(following.initiation_set), states(skill.termination_set))
             rollout = reward(rollout)
-            log |= update_policy(rollout, steps / run.total)
+            log |= update_policy(rollout, steps / run.total) | gaussian_counts(env)
             if config.chain.gate and number == rollouts - 1:
                 make_trial = partial(trial_environment, config, skills, run.turn + 1, index)
                 log |= keep_better(skill, before, make_trial, config.chain.gate_margin)

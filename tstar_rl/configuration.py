@@ -16,8 +16,11 @@ from tstar_rl.demonstrations import DemonstrationError, Demonstrations
 from tstar_rl.logging import run_path
 from tstar_rl.networks import set_action_std
 from tstar_rl.skill import NetworkSettings, Skill
+from tstar_rl.starts import make_starts
+from tstar_rl.state_sets import TerminationSet
 
 __all__ = [
+    "chain_length",
     "demonstrations_path",
     "environment",
     "explore",
@@ -74,13 +77,15 @@ def environment(
     subtask: int | None,
     num_envs: int,
     seed: int,
-    starts: Any = None,
+    before: TerminationSet | None = None,
     snapshots: bool = False,
+    shares: Mapping[str, float] | None = None,
     **overrides: Any,
 ) -> Any:
     """The furniture environment of a config with the transforms of training; overrides are settings of the task.
 
-    `starts` is a termination set, or a function of the environment that gives a source of starts.
+    `before` is the termination set of the skill before, if there is one: episodes then begin in the `shares` of
+    chain.starts, or in those given.
     """
     from tstar_rl.furniture_env import FurnitureEnv
 
@@ -94,8 +99,9 @@ def environment(
         snapshots=snapshots,
         **values,
     )
-    starts = starts(env) if callable(starts) else starts
-    return with_starts(env, starts, 1.0 - config.chain.environment_share, seed)
+    if before is None:
+        return with_starts(env)
+    return with_starts(env, *make_starts(shares or plain(config.chain.starts), env, before), seed)
 
 
 def trial_environment(config: DictConfig, skills: Sequence[Skill], trial: int, index: int) -> Any:
@@ -103,7 +109,7 @@ def trial_environment(config: DictConfig, skills: Sequence[Skill], trial: int, i
 
     The seeds of each `trial` are its own, and no evaluation's.
     """
-    chain = config.chain
+    chain, own = config.chain, config.chain.trial_environment_share
     return environment(
         config,
         index,
@@ -111,6 +117,7 @@ def trial_environment(config: DictConfig, skills: Sequence[Skill], trial: int, i
         derive_seed(config.seed, "validate", trial, index),
         skills[index - 1].termination_set if index else None,
         snapshots=True,
+        shares={"environment": own, "buffer": 1.0 - own},
         max_steps=chain.trial_max_steps,
     )
 
@@ -139,21 +146,34 @@ def load_demonstrations(config: DictConfig, subtask: int | None) -> Demonstratio
     """Those that the config's recipe learns from."""
     path = demonstrations_path(config, subtask, config.demonstrations.kind)
     found = Demonstrations.load(path, config.task.name, subtask)
-    wrong = differences({name: found.arguments.get(name) for name in config.env}, plain(config.env))
+    wanted = {k: v for k, v in plain(config.env).items() if k not in config.demonstrations.may_differ}
+    wrong = differences({name: found.arguments.get(name) for name in wanted}, wanted)
     if wrong:
         raise DemonstrationError(f"{path}: field arguments: {'; '.join(wrong)}; delete it to make it again")
     return found
 
 
-def load_skills(config: DictConfig, system: str = "gail_ppo", checkpoint: str = "last") -> list[Skill]:
-    """The skills that a chaining recipe starts from, in order."""
+def chain_length(config: DictConfig) -> int:
+    """How many skills are chained: chain.links, or all of the task's.
+
+    Raises:
+        ValueError: if there cannot be so many.
+    """
+    subtasks, links = config.task.subtasks, config.chain.links
+    if links is not None and not 2 <= links <= subtasks:
+        raise ValueError(f"chain.links must be null or in 2..{subtasks} for {config.task.name}, got {links}")
+    return links or subtasks
+
+
+def load_skills(config: DictConfig, checkpoint: str = "last") -> list[Skill]:
+    """The skills of the system config.skills that a chaining recipe starts from, in order."""
     return [
         Skill.load(
-            run_path(config.runs_dir, config.task.name, system, config.seed, index) / checkpoint,
+            run_path(config.runs_dir, config.task.name, config.skills, config.seed, index) / checkpoint,
             task=config.task.name,
             subtask=index,
         )
-        for index in range(config.task.subtasks)
+        for index in range(chain_length(config))
     ]
 
 
