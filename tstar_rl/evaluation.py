@@ -33,25 +33,27 @@ def wilson_interval(successes: int, episodes: int, z: float = 1.96) -> tuple[flo
     return max(centre - half, 0.0), min(centre + half, 1.0)
 
 
-def summarize(last: TensorDictBase, num_subtasks: int, subtask: int | None) -> dict[str, Any]:
+def summarize(
+    last: TensorDictBase, num_subtasks: int, subtask: int | None, links: int | None = None
+) -> dict[str, Any]:
     """A row of the evaluation table.
 
     Args:
         last: last steps of n episodes, batch [n].
         num_subtasks: K.
         subtask: the one that was run, or None for the whole task.
+        links: of a chain that does the first so many subtasks, which are then all there is to do; None: all.
 
     Returns:
         episodes, progress (mean share of the subtasks to do that were done), success with its interval, and for
         each subtask that was run the share of episodes that completed it.
     """
-    success, completed = (
-        last["next", "success"].squeeze(-1),
-        last["next", "completed"].squeeze(-1),
-    )
+    completed = last["next", "completed"].squeeze(-1)
+    todo = 1 if subtask is not None else links or num_subtasks
+    shorter = subtask is None and todo < num_subtasks
+    success = completed >= todo if shorter else last["next", "success"].squeeze(-1)
     episodes, successes = len(success), int(success.sum())
     low, high = wilson_interval(successes, episodes)
-    todo = num_subtasks if subtask is None else 1
     row: dict[str, Any] = {
         "episodes": episodes,
         "progress": float(completed.clamp(max=todo).double().mean()) / todo,
@@ -60,10 +62,9 @@ def summarize(last: TensorDictBase, num_subtasks: int, subtask: int | None) -> d
         "success_high": high,
     }
     for index in range(num_subtasks):
-        if subtask is None:
-            row[f"subtask_{index}"] = float((completed > index).double().mean())
-        else:
-            row[f"subtask_{index}"] = row["success"] if index == subtask else float("nan")
+        run = index < todo if subtask is None else index == subtask
+        share = row["success"] if index == subtask else float((completed > index).double().mean())
+        row[f"subtask_{index}"] = share if run else float("nan")
     row["episode_length"] = float(last["next", "step_count"].double().mean())
     return row
 
@@ -73,6 +74,7 @@ def evaluate(
     env: TransformedEnv,
     mode: str = "deterministic",
     each_step: Callable[[TensorDictBase], None] | None = None,
+    links: int | None = None,
 ) -> dict[str, Any]:
     """One episode of every simulation of `env` (from `with_starts`), summarised.
 
@@ -84,7 +86,7 @@ def evaluate(
     with set_exploration_type(MODES[mode]):
         last = run_episodes(env, policy, each_step)
     base = env.base_env
-    return summarize(last, base.num_subtasks, getattr(base, "subtask", None))
+    return summarize(last, base.num_subtasks, getattr(base, "subtask", None), links)
 
 
 class Recorder:
