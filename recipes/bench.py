@@ -8,11 +8,16 @@ after its warm start. `ratio_to_bare` is against the bare simulator under the sa
 for `env` and `torchrl_*`, `bare_policy` for `env_policy` and `train`.
 """
 
+import os
 import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from statistics import median
+
+os.environ.setdefault(
+    "OMP_WAIT_POLICY", "passive"
+)  # torch's idle threads must not hold the simulator's cores
 
 import numpy as np
 import pandas as pd

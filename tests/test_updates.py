@@ -5,6 +5,7 @@ import copy
 import pytest
 import torch
 from tensordict import TensorDict
+from torchrl.objectives.value import GAE
 
 from tstar_rl.collection import Collection, with_starts
 from tstar_rl.networks import make_discriminator
@@ -142,3 +143,21 @@ def test_an_empty_set_is_no_update():
     before = state_of(network)
     assert make_d_omega_update(network, DiscriminatorSettings())(torch.zeros(0, 72), torch.zeros(3, 72)) == {}
     assert same(before, state_of(network))
+
+
+def test_values_of_next_states_are_looked_at_once_and_right():
+    """As TorchRL's GAE on both states of every step, where episodes end and are truncated in the middle."""
+    torch.manual_seed(0)
+    skill = small_skill()
+    sequence, done = torch.randn(5, 8, 72), torch.rand(5, 7, 1) < 0.3
+    following = sequence[:, 1:].clone()
+    following[done.squeeze(-1)] = torch.randn(int(done.sum()), 72)
+    step = {"observation": following, "reward": torch.randn(5, 7, 1), "done": done}
+    step["terminated"] = done & (torch.rand(5, 7, 1) < 0.5)
+    rollout = TensorDict({"observation": sequence[:, :-1], "next": step}, [5, 7])
+    update = PolicyUpdate(skill.policy, skill.value, PPOSettings(), ReturnScale())
+    expected = GAE(gamma=0.99, lmbda=0.95, value_network=skill.value, deactivate_vmap=True)(rollout.clone())
+    found = update.gae(update._with_values(rollout.clone()))
+    assert (done & ~step["terminated"]).any()
+    torch.testing.assert_close(found["advantage"], expected["advantage"])
+    torch.testing.assert_close(found["value_target"], expected["value_target"])

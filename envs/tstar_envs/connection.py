@@ -51,15 +51,19 @@ def align(
     offset = target_pos - moving_pos
     distance = offset.norm(dim=-1)
     line = offset / distance.clamp_min(1e-9).unsqueeze(-1)
-    cosines = moving_axes.transpose(-1, -2) @ target_axes
-    forward = allowed_angles.cos() * cosines[:, 1, 1:2] - allowed_angles.sin() * cosines[:, 1, 0:1]
+    (_, forward, up), (across, along, above) = moving_axes.unbind(-1), target_axes.unbind(-1)
+    turned = allowed_angles.cos() * _dot(forward, along) - allowed_angles.sin() * _dot(forward, across)
     return Alignment(
         distance,
-        cosines[:, 2, 2],
-        forward.amax(dim=-1),
-        (moving_axes[:, :, 2] * line).sum(-1),
-        (target_axes[:, :, 2] * line).sum(-1),
+        _dot(up, above).squeeze(-1),
+        turned.amax(dim=-1),
+        _dot(up, line).squeeze(-1),
+        _dot(above, line).squeeze(-1),
     )
+
+
+def _dot(a: Tensor, b: Tensor) -> Tensor:
+    return (a * b).sum(-1, keepdim=True)
 
 
 def padded(angles: Iterable[tuple[float, ...]]) -> list[tuple[float, ...]]:
@@ -76,30 +80,27 @@ class WrongPairs:
         names = [part.name for part in furniture.parts]
         listed = [(names.index(p.name), c) for p in furniture.parts for c in p.connectors]
         pairs = [
-            (a, ca, b, cb)
-            for a, ca in listed
-            for b, cb in listed
+            (i, j)
+            for i, (a, ca) in enumerate(listed)
+            for j, (b, cb) in enumerate(listed)
             if a != b and ca.kind == cb.mates_with and cb.kind == ca.mates_with and ca.allowed_angles
         ]
-        self.count = len(pairs)
-        self.first = torch.tensor([p[0] for p in pairs], dtype=torch.long, device=device)
-        self.second = torch.tensor([p[2] for p in pairs], dtype=torch.long, device=device)
 
         def rows(values: Iterable[Sequence[float]]) -> Tensor:
             return torch.tensor(list(values), dtype=torch.float64, device=device)
 
-        self.first_pos, self.second_pos = rows(p[1].pos for p in pairs), rows(p[3].pos for p in pairs)
-        self.first_quat, self.second_quat = rows(p[1].quat for p in pairs), rows(p[3].quat for p in pairs)
-        self.angles = rows(padded(p[1].allowed_angles for p in pairs))
+        self.part = torch.tensor([part for part, _ in listed], device=device)  # of each connector, (C,)
+        self.pos, self.quat = rows(c.pos for _, c in listed), rows(c.quat for _, c in listed)
+        self.first = torch.tensor([i for i, _ in pairs], dtype=torch.long, device=device)  # connectors, (P,)
+        self.second = torch.tensor([j for _, j in pairs], dtype=torch.long, device=device)
+        self.angles = rows(padded(listed[i][1].allowed_angles for i, _ in pairs))
         step_pairs = [
             {(s.moving_part, s.moving_connector), (s.target_part, s.target_connector)}
             for s in furniture.steps
         ]
+        ends = [(names[part], connector.name) for part, connector in listed]
         self.allowed = torch.tensor(  # (K, P): made by step k or, being welded already, by one before it
-            [
-                [{(names[a], ca.name), (names[b], cb.name)} in step_pairs[: k + 1] for a, ca, b, cb in pairs]
-                for k in range(len(step_pairs))
-            ],
+            [[{ends[i], ends[j]} in step_pairs[: k + 1] for i, j in pairs] for k in range(len(step_pairs))],
             dtype=torch.bool, device=device,
         )  # fmt: skip
 
@@ -109,13 +110,16 @@ class WrongPairs:
         Args:
             part_poses: (n, parts, 7), world. held: (n, parts) bool, touched by both fingers. subtask: (n,).
         """
-        n = part_poses.shape[0]
-        poses = [part_poses[:, index].reshape(n * self.count, 7) for index in (self.first, self.second)]
-        ends = []
-        for pose, pos, quat in zip(
-            poses, (self.first_pos, self.second_pos), (self.first_quat, self.second_quat), strict=True
-        ):
-            point = pose[:, :3] + geometry.quat_rotate(pose[:, 3:], pos.repeat(n, 1))
-            ends += [point, geometry.quat_to_matrix(geometry.quat_mul(pose[:, 3:], quat.repeat(n, 1)))]
-        aligned = align(*ends, self.angles.repeat(n, 1)).aligned.reshape(n, self.count)
-        return (aligned & held[:, self.first] & ~self.allowed[subtask]).any(-1)
+        poses = part_poses[:, self.part]
+        points = poses[..., :3] + geometry.quat_rotate(poses[..., 3:], self.pos)
+        apart = points[:, self.second] - points[:, self.first]
+        wrong = held[:, self.part[self.first]] & ~self.allowed[subtask]
+        wrong &= apart.square().sum(-1) < MAX_DISTANCE**2
+        if not bool(wrong.any()):  # as good as always: the axes need not be looked at
+            return wrong.any(-1)
+        frames = geometry.quat_to_matrix(
+            geometry.quat_mul(poses[..., 3:], self.quat.expand(len(poses), -1, -1))
+        )
+        ends = [x[:, i].flatten(0, 1) for i in (self.first, self.second) for x in (points, frames)]
+        aligned = align(*ends, self.angles.repeat(len(poses), 1)).aligned
+        return (wrong & aligned.reshape(wrong.shape)).any(-1)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import torch
-from tensordict import TensorDictBase
+from tensordict import TensorDict, TensorDictBase
 from torch import Tensor, nn
 from torchrl.modules import ProbabilisticActor, ValueOperator
 from torchrl.objectives import ClipPPOLoss
@@ -83,9 +83,10 @@ class PolicyUpdate:
         self.gae = GAE(
             gamma=settings.gamma,
             lmbda=settings.gae_lambda,
-            value_network=value,
+            value_network=None,
             deactivate_vmap=True,
         )
+        self.value = value
         self.actor_parameters, self.critic_parameters = (
             list(policy.parameters()),
             list(value.parameters()),
@@ -154,7 +155,25 @@ class PolicyUpdate:
             reward, self.carried = self.return_scale(batch["next", "reward"], batch["next", "done"], carried)
             following = batch["next"].copy()  # pyright: ignore[reportAttributeAccessIssue]
             batch = batch.copy().set("next", following.set("reward", reward))
-        return self.gae(batch).select(*PPO_KEYS).reshape(-1)
+        return self.gae(self._with_values(batch)).select(*PPO_KEYS).reshape(-1)
+
+    def _with_values(self, batch: TensorDictBase) -> TensorDictBase:
+        """Adds "state_value" and ("next", "state_value") to a rollout (N, T), looking at each state once.
+
+        A step's next state is the following step's state, but where an episode was truncated: that one, and the last
+        of the rollout, are looked at themselves. What follows a terminated episode counts for nothing.
+        """
+
+        def value(observation: Tensor) -> Tensor:
+            return self.value(TensorDict({"observation": observation}, observation.shape[:-1]))["state_value"]
+
+        following = batch["next", "observation"]
+        values = value(batch["observation"])
+        next_values = torch.cat([values[:, 1:], value(following[:, -1:])], dim=1)
+        cut = (batch["next", "done"] & ~batch["next", "terminated"]).squeeze(-1)
+        if bool(cut.any()):
+            next_values[cut] = value(following[cut])
+        return batch.set("state_value", values).set(("next", "state_value"), next_values)
 
     def _set_learning_rates(self, progress: float) -> None:
         if self.settings.linear_decay:

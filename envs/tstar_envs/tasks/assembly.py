@@ -39,6 +39,7 @@ class Assembly:
         self.last_subtask = self.tables.num_steps - 1 if subtask is None else subtask
         self.step_limit = settings.max_steps * (self.tables.num_steps if subtask is None else 1)
         self._wrong = WrongPairs(furniture, physics.device)
+        self._rows = torch.arange(physics.num_sims, device=physics.device)
         self._speeds = settings.velocity_scale * torch.tensor(
             sawyer.JOINT_SPEEDS, dtype=torch.float64, device=physics.device
         )
@@ -142,28 +143,26 @@ class Assembly:
 
     def scene(self, state: TensorDict) -> Scene:
         """What the simulations look like to the subtask that each is at."""
-        tables, k = self.tables, self.step_index(state)
-        poses, rows = self.part_poses, torch.arange(self.physics.num_sims, device=self.physics.device)
+        tables, k, rows = self.tables, self.step_index(state), self._rows
+        poses = self.part_poses
         moving, target = poses[rows, tables.moving[k]], poses[rows, tables.target[k]]
-        moving_matrix, target_matrix = (geometry.quat_to_matrix(pose[:, 3:]) for pose in (moving, target))
-        connector = moving[:, :3] + _rotate(moving_matrix, tables.moving_connector[k, :3])
-        goal = target[:, :3] + _rotate(target_matrix, tables.target_connector[k, :3])
-        alignment = align(
-            connector, moving_matrix @ tables.moving_frame[k], goal, target_matrix @ tables.target_frame[k],
-            tables.allowed_angles[k],
-        )  # fmt: skip
-        hand = geometry.quat_to_matrix(self._sensors["hand_quat"])
+        quats = torch.stack([moving[:, 3:], target[:, 3:], self._sensors["hand_quat"]])
+        frame, target_frame, hand = geometry.quat_to_matrix(quats)
+        held, goal = frame @ tables.moving_columns[k], target_frame @ tables.target_columns[k]
+        connector, target_connector = moving[:, :3] + held[..., 0], target[:, :3] + goal[..., 0]
         return Scene(
             tip=self._sensors["tip_pos"],
             approach=hand[:, :, 2],
             closing=hand[:, :, 1],
             part=moving[:, :3],
-            grasp_point=moving[:, :3] + _rotate(moving_matrix, tables.grasp_point[k]),
-            grasp_axis=_rotate(moving_matrix, tables.grasp_axis[k]),
+            grasp_point=moving[:, :3] + held[..., 4],
+            grasp_axis=held[..., 5],
             grip_direction=tables.grip_direction[k],
             moving_connector=connector,
-            target_connector=goal,
-            alignment=alignment,
+            target_connector=target_connector,
+            alignment=align(
+                connector, held[..., 1:4], target_connector, goal[..., 1:4], tables.allowed_angles[k]
+            ),
             touching=(self.touches() & tables.group[k]).any(-1).all(0),
         )
 
@@ -172,11 +171,11 @@ class Assembly:
         return torch.stack([torch.cat(finger, dim=-1) for finger in self._touch]) > 0
 
     def connect_ideally(self, subtask: int, mask: Tensor) -> None:
-        """Moves step `subtask`'s part to its ideal pose in the simulations of `mask`."""
+        """Moves step `subtask`'s part, and what is welded to it, to its ideal pose in the simulations of `mask`."""
         target = self.part_poses[:, self.tables.target[subtask]]
         ideal = self.tables.ideal_relative_pose(subtask)
         pose = torch.cat(geometry.compose_pose(target[:, :3], target[:, 3:], ideal[:3], ideal[3:]), dim=-1)
-        self.part_poses[mask, self.tables.moving[subtask]] = pose[mask]
+        self.part_poses[mask] = self.tables.move_group(subtask, self.part_poses, pose)[mask]
 
     def step_index(self, state: TensorDict) -> Tensor:
         """(N,): which row of the recipe tables each simulation is at; the last one once everything is done."""
@@ -259,7 +258,3 @@ def assign(state: TensorDict, fresh: TensorDictBase, mask: Tensor) -> None:
 def _moved(state: TensorDict, scene: Scene) -> Tensor:
     """How far the target connector is from where it was when the subtask began, m, (N,)."""
     return (scene.target_connector - state["start_target"]).norm(dim=-1)
-
-
-def _rotate(matrix: Tensor, vector: Tensor) -> Tensor:
-    return (matrix @ vector.unsqueeze(-1)).squeeze(-1)

@@ -156,4 +156,4 @@ def _fine_distance(scene: Scene, z_finedist: float) -> Tensor:
 
 
 def _raised(point: Tensor, height: float) -> Tensor:
-    return point + point.new_tensor([0.0, 0.0, height])
+    return torch.cat([point[..., :2], point[..., 2:] + height], dim=-1)
