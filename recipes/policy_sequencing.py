@@ -12,9 +12,10 @@ import torch
 from omegaconf import DictConfig
 from torchrl.envs import Compose
 
-from tstar_rl.chain import keep_better, seed_sets
+from tstar_rl.chain import chain_progress, keep_better, save_chain, seed_sets, terminal_poses
 from tstar_rl.collection import Collection, derive_seed, rollout_metrics
 from tstar_rl.configuration import (
+    chain_trial_environment,
     environment,
     explore,
     load_demonstrations,
@@ -38,7 +39,7 @@ def main(config: DictConfig) -> None:
     turns, training = config.chain.rounds * len(skills), config.training
     frames = training.num_envs * training.horizon
     rollouts = max(config.chain.steps_per_turn // frames, 1)
-    run = Run(plain(config), None, turns * rollouts * frames)
+    run = Run(plain(config), None, turns * rollouts * frames, trials=True)
     steps = run.start(**{f"skill{index}": skill for index, skill in enumerate(skills)})
     if run.turn == 0:
         seed_sets(skills, partial(trial_environment, config, skills, 0))
@@ -47,7 +48,7 @@ def main(config: DictConfig) -> None:
         index, seed = run.turn % len(skills), derive_seed(config.seed, "train", run.turn)
         torch.manual_seed(seed)
         skill, before = skills[index], skills[index].network_state()
-        starts = skills[index - 1].termination_set if index else None  # chain.starts: 80% a Gaussian fitted to it
+        starts = skills[index - 1].termination_set if index else None  # 80% a Gaussian fitted to it
         env = environment(
             config, index, training.num_envs, seed, starts, snapshots=True, max_steps=training.max_steps
         )
@@ -67,6 +68,8 @@ def main(config: DictConfig) -> None:
             rollout = collection.rollout()
             steps += rollout.numel()
             skill.termination_set.extend_from(rollout)
+            if index == config.chain.logged_skill:
+                run.log_terminal_states(steps, index, terminal_poses(rollout, config.chain.logged_states))
             log = update_f_phi(experts[index].observations, rollout["observation"])
             rollout = reward(rollout)
             log |= update_policy(rollout, steps / run.total)
@@ -74,13 +77,16 @@ def main(config: DictConfig) -> None:
             if config.chain.gate and number == rollouts - 1:
                 make_trial = partial(trial_environment, config, skills, run.turn + 1, index)
                 log |= keep_better(skill, before, make_trial, config.chain.gate_margin)
+            if number == rollouts - 1 and (run.turn + 1) % config.chain.whole_trial_every == 0:
+                log["trial_progress"] = chain_progress(skills, chain_trial_environment(config))
             run.log(steps, skill=index, round=run.turn // len(skills), **rollout_metrics(rollout), **log)
+            if run.improved:
+                save_chain(skills, run.work / "best", recipe=config.system, env_steps=steps)
         collection.close()
         run.turn += 1
         run.save_if_due(0)
 
-    for index, skill in enumerate(skills):
-        skill.save(run.work / "last" / f"skill{index}", recipe=config.system, env_steps=steps)
+    save_chain(skills, run.work / "last", recipe=config.system, env_steps=steps)
     run.finish()
 
 

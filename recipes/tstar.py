@@ -9,9 +9,10 @@ import torch
 from omegaconf import DictConfig
 from torchrl.envs import Compose
 
-from tstar_rl.chain import keep_better, seed_sets, states
+from tstar_rl.chain import chain_progress, keep_better, save_chain, seed_sets, states, terminal_poses
 from tstar_rl.collection import Collection, derive_seed, rollout_metrics
 from tstar_rl.configuration import (
+    chain_trial_environment,
     environment,
     explore,
     load_demonstrations,
@@ -41,7 +42,7 @@ def main(config: DictConfig) -> None:
     turns, training = config.chain.rounds * len(skills), config.training
     frames = training.num_envs * training.horizon
     rollouts = max(config.chain.steps_per_turn // frames, 1)
-    run = Run(plain(config), None, turns * rollouts * frames)
+    run = Run(plain(config), None, turns * rollouts * frames, trials=True)
     steps = run.start(**{f"skill{index}": skill for index, skill in enumerate(skills)})
     if run.turn == 0:
         seed_sets(skills, partial(trial_environment, config, skills, 0))
@@ -51,7 +52,7 @@ def main(config: DictConfig) -> None:
         torch.manual_seed(seed)
         skill, before = skills[index], skills[index].network_state()
         following = skills[index + 1] if index + 1 < len(skills) else None
-        starts = skills[index - 1].termination_set if index else None  # chain.starts: 80%; 20% the environment's
+        starts = skills[index - 1].termination_set if index else None  # 80%; 20% the environment's
         env = environment(
             config, index, training.num_envs, seed, starts, snapshots=True, max_steps=training.max_steps
         )
@@ -76,6 +77,8 @@ def main(config: DictConfig) -> None:
             steps += rollout.numel()
             skill.initiation_set.extend_from(rollout)
             skill.termination_set.extend_from(rollout)
+            if index == config.chain.logged_skill:
+                run.log_terminal_states(steps, index, terminal_poses(rollout, config.chain.logged_states))
             log = update_f_phi(experts[index].observations, rollout["observation"])
             if following is not None:
                 log |= update_d_omega(states(following.initiation_set), states(skill.termination_set))
@@ -84,13 +87,16 @@ def main(config: DictConfig) -> None:
             if config.chain.gate and number == rollouts - 1:
                 make_trial = partial(trial_environment, config, skills, run.turn + 1, index)
                 log |= keep_better(skill, before, make_trial, config.chain.gate_margin)
+            if number == rollouts - 1 and (run.turn + 1) % config.chain.whole_trial_every == 0:
+                log["trial_progress"] = chain_progress(skills, chain_trial_environment(config))
             run.log(steps, skill=index, round=run.turn // len(skills), **rollout_metrics(rollout), **log)
+            if run.improved:
+                save_chain(skills, run.work / "best", recipe=config.system, env_steps=steps)
         collection.close()
         run.turn += 1
         run.save_if_due(0)
 
-    for index, skill in enumerate(skills):
-        skill.save(run.work / "last" / f"skill{index}", recipe=config.system, env_steps=steps)
+    save_chain(skills, run.work / "last", recipe=config.system, env_steps=steps)
     run.finish()
 
 

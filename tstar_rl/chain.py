@@ -1,6 +1,7 @@
 """Skills one after another: the policy that runs them, and the trials that decide what each hands over."""
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 import torch
@@ -10,10 +11,20 @@ from torch import Tensor, nn
 from torchrl.envs import ExplorationType, TransformedEnv, set_exploration_type
 
 from tstar_rl.collection import run_episodes
+from tstar_rl.features import NUM_PHASES, PARTS
 from tstar_rl.skill import Skill
 from tstar_rl.state_sets import StateSet, TerminationSet
 
-__all__ = ["ChainPolicy", "keep_better", "seed_sets", "states", "try_out"]
+__all__ = [
+    "ChainPolicy",
+    "chain_progress",
+    "keep_better",
+    "save_chain",
+    "seed_sets",
+    "states",
+    "terminal_poses",
+    "try_out",
+]
 
 
 class ChainPolicy(TensorDictModuleBase):
@@ -56,6 +67,25 @@ class ChainPolicy(TensorDictModuleBase):
 def states(state_set: StateSet) -> Tensor:
     """The observations in a set, (n, 72); n may be 0."""
     return state_set.buffer[:]["observation"] if len(state_set) else torch.zeros(0, 72)
+
+
+def terminal_poses(rollout: TensorDictBase, number: int) -> Tensor:
+    """Poses of all parts in the first `number` terminal states of successes in a rollout (N, T): (n, 7 P), world."""
+    reached = rollout["next", "observation"][rollout["next", "success"].squeeze(-1)]
+    return reached[:number, PARTS:-NUM_PHASES]
+
+
+def save_chain(skills: Sequence[Skill], path: Path, **record: Any) -> None:
+    """Writes every skill of a chain to <path>/skill<i>, each with the record."""
+    for index, skill in enumerate(skills):
+        skill.save(path / f"skill{index}", **record)
+
+
+def chain_progress(skills: Sequence[Skill], env: TransformedEnv) -> float:
+    """Mean share of a chain's subtasks that are done in one deterministic episode of every simulation."""
+    with set_exploration_type(ExplorationType.DETERMINISTIC):
+        last = run_episodes(env, ChainPolicy(skills))
+    return float(last["next", "completed"].clamp(max=len(skills)).double().mean()) / len(skills)
 
 
 def try_out(skill: Skill, env: TransformedEnv) -> tuple[float, TensorDictBase]:

@@ -159,6 +159,7 @@ def rollout_metrics(rollout: TensorDictBase) -> dict[str, float]:
     log: dict[str, float] = {
         "episodes": episodes,
         "success_rate": float(following["success"][done].float().mean()) if episodes else float("nan"),
+        "completed": float(following["completed"][done].float().mean()) if episodes else float("nan"),
         "episode_length": float(following["step_count"][done].float().mean()) if episodes else float("nan"),
         "phase": float(following["phase"].float().mean()),
     }

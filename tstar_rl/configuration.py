@@ -21,6 +21,7 @@ from tstar_rl.state_sets import TerminationSet
 
 __all__ = [
     "chain_length",
+    "chain_trial_environment",
     "demonstrations_path",
     "environment",
     "explore",
@@ -120,6 +121,15 @@ def trial_environment(config: DictConfig, skills: Sequence[Skill], trial: int, i
         shares={"environment": own, "buffer": 1.0 - own},
         max_steps=chain.trial_max_steps,
     )
+
+
+def chain_trial_environment(config: DictConfig) -> Any:
+    """Where the whole chain is tried, always from the same starts, to tell the best turn of a run.
+
+    Their seed is no evaluation's, and no other trial's.
+    """
+    chain, seed = config.chain, derive_seed(config.seed, "validate", None, None)
+    return environment(config, None, chain.whole_trial_episodes, seed, max_steps=chain.trial_max_steps)
 
 
 def new_skill(config: DictConfig, subtask: int | None) -> Skill:

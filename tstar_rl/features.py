@@ -12,6 +12,7 @@ import torch
 from torch import Tensor, nn
 
 GRIP_POSITION, HAND_QUAT, PARTS = 16, 19, 29  # where they begin in an observation; a part is 7 numbers
+NUM_PHASES = 8  # the one-hot phase ends an observation
 FINGERS = 1  # they close along the hand's y axis
 
 # Row-major rotation matrix of a unit quaternion q = (w, x, y, z) as a linear map of the products q_i q_j.

@@ -1,6 +1,7 @@
 """What a run leaves behind: a table of metrics, its config, checkpoints to resume from, and a progress bar.
 
-`results/<task>/<recipe>/seed<k>[/subtask<i>]/` holds what is kept (config.yaml, metrics.csv, evaluation.csv);
+`results/<task>/<recipe>/seed<k>[/subtask<i>]/` holds what is kept (config.yaml, metrics.csv, evaluation.csv, and of
+a chain terminal_states.csv);
 `runs/` mirrors it with what is large or depends on the machine (checkpoints, skills, timing.csv).
 """
 
@@ -16,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
+from torch import Tensor
 from torchrl.checkpoint import GlobalRNGState
 from tqdm import tqdm
 
@@ -33,6 +35,9 @@ MACHINE_ONLY = (
     "evaluation",
 )
 """Config values that do not change what a run computes."""
+LOGS = ("metrics", "terminal_states", "timing")
+FOLLOWED = ("success_rate", "completed")
+"""Columns of the metrics whose running means are kept."""
 
 
 class MetricsLog:
@@ -109,27 +114,28 @@ class Run:
         config: plain values; recorded, and compared when resuming.
         subtask: that the run trains, or None.
         total: environment steps, for the bar.
+        trials: whether the best so far is told by `trial_progress`, where a row has it; otherwise it is told by a
+            running mean of the subtasks completed in training.
 
     Raises:
         CheckpointMismatchError: when resuming a run that had another config.
     """
 
-    def __init__(self, config: Mapping[str, Any], subtask: int | None = None, total: int = 0) -> None:
+    def __init__(
+        self, config: Mapping[str, Any], subtask: int | None = None, total: int = 0, trials: bool = False
+    ) -> None:
         place = (config["task"]["name"], config["system"], config["seed"], subtask)
-        self.results, self.work = (
-            run_path(config["results_dir"], *place),
-            run_path(config["runs_dir"], *place),
-        )
+        self.results = run_path(config["results_dir"], *place)
+        self.work = run_path(config["runs_dir"], *place)
         self.record = {name: value for name, value in config.items() if name not in MACHINE_ONLY}
         self.record["subtask"] = subtask
-        self.config, self.total = config, total
+        self.config, self.total, self.trials = config, total, trials
         self.env_steps, self.seconds, self.turn = 0, 0.0, 0
-        self.recent, self.best, self.improved = 0.0, 0.0, False
+        self.recent, self.best, self.improved = dict.fromkeys(FOLLOWED, 0.0), -1.0, False
         self.components: dict[str, Any] = {}
-        self.metrics, self.timing = (
-            MetricsLog(self.results / "metrics.csv"),
-            MetricsLog(self.work / "timing.csv"),
-        )
+        self.metrics = MetricsLog(self.results / "metrics.csv")
+        self.terminal_states = MetricsLog(self.results / "terminal_states.csv")
+        self.timing = MetricsLog(self.work / "timing.csv")
         self._last_save, self._clock = 0, time.perf_counter()
         label = config["system"] if subtask is None else f"{config['system']} {subtask}"
         self.bar = tqdm(
@@ -146,8 +152,8 @@ class Run:
         found = checkpoint.latest(self.work / "checkpoints") if self.config["resume"] else None
         if found is None:
             shutil.rmtree(self.work / "checkpoints", ignore_errors=True)
-            self.metrics.truncate(0)
-            self.timing.truncate(0)
+            for name in LOGS:
+                getattr(self, name).truncate(0)
             self._write_config()
         else:
             try:
@@ -164,18 +170,35 @@ class Run:
         steps = env_steps - self.env_steps
         self.seconds, self._clock = self.seconds + now - self._clock, now
         self.env_steps = env_steps
-        self._follow(row.get("success_rate", float("nan")))
+        self._follow(row)
         self.metrics.append({"env_steps": env_steps, **row})
         self.timing.append({"env_steps": env_steps, "minutes": self.seconds / 60, "steps": steps})
         self.bar.update(env_steps - self.bar.n)
-        self.bar.set_postfix(success=f"{self.recent:.2f}")
+        self.bar.set_postfix(success=f"{self.recent['success_rate']:.2f}")
 
-    def _follow(self, success_rate: float) -> None:
-        """Running mean of the success in training, and whether it has just been the best so far."""
-        if not math.isnan(success_rate):
-            self.recent += 0.2 * (success_rate - self.recent)
-        self.improved = self.recent > self.best
-        self.best = max(self.best, self.recent)
+    def log_terminal_states(self, env_steps: int, skill: int, poses: Tensor) -> None:
+        """Adds one row of terminal_states.csv for each state in which a skill succeeded.
+
+        Args:
+            env_steps: of the run so far.
+            skill: which of the chain.
+            poses: (n, 7 P), position in m and quaternion of each part, world.
+        """
+        for pose in poses.tolist():
+            numbers = {f"pose_{index}": round(number, 5) for index, number in enumerate(pose)}
+            self.terminal_states.append({"env_steps": env_steps, "skill": skill, **numbers})
+
+    def _follow(self, row: Mapping[str, Any]) -> None:
+        """Running means of training, and whether this row is the best so far; of equals, the newest is."""
+        for name in FOLLOWED:
+            value = row.get(name, math.nan)
+            if not math.isnan(value):
+                self.recent[name] += 0.2 * (value - self.recent[name])
+        measured = row.get("trial_progress" if self.trials else "completed", math.nan)
+        judged = measured if self.trials else self.recent["completed"]
+        self.improved = not math.isnan(measured) and judged >= self.best
+        if self.improved:
+            self.best = judged
 
     def save_if_due(self, every: int) -> None:
         """Writes a checkpoint if `every` environment steps have gone by since the last one.
@@ -192,15 +215,13 @@ class Run:
 
     def state_dict(self) -> dict[str, Any]:
         """Where the log stands."""
-        rows = {"metrics": self.metrics.rows, "timing": self.timing.rows}
         return {
+            **{name: getattr(self, name).rows for name in LOGS},
             "env_steps": self.env_steps,
             "seconds": self.seconds,
-            **rows,
             "last_save": self._last_save,
-        } | {
             "turn": self.turn,
-            "recent": self.recent,
+            "recent": dict(self.recent),
             "best": self.best,
         }
 
@@ -208,9 +229,10 @@ class Run:
         """Goes back to where the log stood: rows written since are dropped."""
         self.env_steps, self.seconds = int(state["env_steps"]), float(state["seconds"])
         self._last_save, self.turn = int(state["last_save"]), int(state["turn"])
-        self.recent, self.best = float(state["recent"]), float(state["best"])
-        self.metrics.truncate(int(state["metrics"]))
-        self.timing.truncate(int(state["timing"]))
+        self.recent = {name: float(state["recent"][name]) for name in FOLLOWED}
+        self.best = float(state["best"])
+        for name in LOGS:
+            getattr(self, name).truncate(int(state[name]))
 
     def finish(self) -> None:
         """Closes the bar and notes that the run is complete."""
