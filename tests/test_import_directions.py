@@ -18,7 +18,8 @@ LAYERS = (
     ("tasks",),
     ("experts", "state_edit"),
     ("environment",),
-    ("registry", "dm_environment", "gymnasium_env"),
+    ("registry", "dm_environment", "gymnasium_shared"),
+    ("gymnasium_env", "gymnasium_vector_env"),
 )
 SIMULATORS = {"mujoco", "dm_control", "dm_env"}
 MEASURES_THE_SIMULATOR = {"bench.py"}

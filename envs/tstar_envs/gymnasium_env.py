@@ -1,0 +1,123 @@
+"""The assembly tasks in Gymnasium: one simulation as a `gymnasium.Env`, and an id for each piece of furniture.
+
+    import gymnasium, tstar_envs  # the import registers the ids
+
+    env = gymnasium.make("tstar/TableLack-v0", subtask=0)
+    envs = gymnasium.make_vec("tstar/TableLack-v0", num_envs=64, subtask=0)  # see `gymnasium_vector_env`
+
+Gymnasium 1 looks for no plugins, so either the import or an id that names it, `"tstar_envs:tstar/TableLack-v0"`.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+from tensordict import TensorDict
+
+from tstar_envs.environment import BatchedEnvironment
+from tstar_envs.furniture import library
+from tstar_envs.gymnasium_shared import INFO, METADATA, Camera, begin, read_actions, read_options, spaces
+from tstar_envs.tasks.assembly import NUM_ACTIONS
+
+
+def environment_id(furniture: str) -> str:
+    """Gymnasium's id of a task, in its camel case: `table_lack` is `tstar/TableLack-v0`."""
+    return f"tstar/{''.join(word.capitalize() for word in furniture.split('_'))}-v0"
+
+
+def register() -> None:
+    """Gives Gymnasium an id for every piece of furniture in the library; those it has are left alone."""
+    for name in library.names():
+        if environment_id(name) not in gymnasium.registry:
+            gymnasium.register(
+                environment_id(name),
+                entry_point="tstar_envs.gymnasium_env:GymnasiumEnv",
+                vector_entry_point="tstar_envs.gymnasium_vector_env:GymnasiumVectorEnv",
+                kwargs={"task": name},
+            )
+
+
+class GymnasiumEnv(gymnasium.Env[np.ndarray, np.ndarray]):
+    """An assembly task with numpy arrays in and out.
+
+    Observation (72,) and action (9,) are float32, actions are clipped to [-1, 1]. An episode is terminated by success
+    or failure and truncated by the task's own limit (`max_steps` of the settings): no `TimeLimit` is needed. `info`
+    has `success` (bool), `subtask`, `phase` and `completed` (int). From the same snapshot, the same actions give the
+    same numbers as in the other fronts. `reset(seed=...)` seeds the start noise;
+    `reset(options={"snapshot": ...})` starts from a snapshot of batch [1], at the beginning of the subtask it is at.
+
+    Args:
+        task: furniture, e.g. `table_lack`; `gymnasium.make` fills it in.
+        subtask: step of the recipe, 0-based; None for the whole task.
+        reward_scale: factor of the reward. The default 1 is the reward that every front gives; the paper's
+            policies see it times 0.05.
+        render_mode: `rgb_array`, or None.
+        width: of an image, pixels.
+        height: of an image, pixels.
+        **settings: fields of `tstar_envs.settings.TaskSettings`.
+
+    Raises:
+        ValueError: unknown furniture, subtask, setting or render mode.
+    """
+
+    metadata = METADATA
+
+    def __init__(
+        self, task: str, subtask: int | None = None, reward_scale: float = 1.0, render_mode: str | None = None,
+        width: int = 640, height: int = 480, **settings: Any,
+    ):  # fmt: skip
+        self.world = BatchedEnvironment(task, 1, subtask, nthread=1, settings=settings)
+        self.observation_space, self.action_space = spaces(self.world)
+        self.reward_scale, self.render_mode = reward_scale, render_mode
+        self._camera = Camera(self.world, render_mode, width, height)
+        self._playing = False
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Starts an episode.
+
+        Raises:
+            ValueError: an unknown option, or a snapshot of another batch or subtask.
+        """
+        snapshot = read_options(self.world, options, ("snapshot",)).get("snapshot")
+        super().reset(seed=seed)
+        begin(self.world, seed, snapshot)
+        self._playing = True
+        return self._observe()
+
+    def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+        """One control step, 0.1 s.
+
+        Raises:
+            ValueError: the action has another shape, or is NaN.
+            gymnasium.error.ResetNeeded: no episode is under way.
+        """
+        if not self._playing:
+            raise gymnasium.error.ResetNeeded(
+                "no episode is under way: call reset() first, and after each end"
+            )
+        self.world.step(read_actions(self.world, action, (NUM_ACTIONS,)).unsqueeze(0))
+        state, task = self.world.state, self.world.task
+        terminated, truncated = (bool(flag) for flag in task.get_termination(state))
+        self._playing = not (terminated or truncated)
+        observation, info = self._observe()
+        return observation, self.reward_scale * float(task.get_reward(state)), terminated, truncated, info
+
+    def snapshot(self) -> TensorDict:
+        """State of the simulation, batch [1], for `reset`'s option; see `tstar_envs.environment`."""
+        return self.world.snapshot()
+
+    def render(self) -> np.ndarray | None:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """Image (height, width, 3) uint8; None where nothing can be drawn, after one warning."""
+        frames = self._camera.draw()
+        return None if frames is None else frames[0]
+
+    def close(self) -> None:
+        self._camera.close()
+
+    def _observe(self) -> tuple[np.ndarray, dict[str, Any]]:
+        info = {name: self.world.state[name].item() for name in INFO}
+        return self.world.observation().squeeze(0).float().numpy(), info

@@ -1,0 +1,118 @@
+"""What the two Gymnasium environments share: spaces, options, actions, pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import gymnasium
+import mujoco
+import numpy as np
+import torch
+from gymnasium.spaces import Box
+from tensordict import TensorDict, TensorDictBase
+from torch import Tensor
+
+from tstar_envs import rendering
+from tstar_envs.environment import BatchedEnvironment
+from tstar_envs.tasks.assembly import NUM_ACTIONS
+from tstar_envs.tasks.phase_reward import PHASES
+
+METADATA: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 10}
+INFO = ("success", "subtask", "phase", "completed")
+"""What `info` carries: entries of the task's state."""
+
+
+class Camera:
+    """Pictures of every simulation of a world, in Gymnasium's render mode `mode`."""
+
+    def __init__(self, world: BatchedEnvironment, mode: str | None, width: int, height: int):
+        valid = (None, *METADATA["render_modes"])
+        if mode not in valid:
+            raise ValueError(f"render_mode must be one of {', '.join(map(repr, valid))}; got {mode!r}")
+        self.world, self.mode, self.width, self.height = world, mode, width, height
+        self._renderer: rendering.Renderer | None = None
+
+    def draw(self) -> tuple[np.ndarray, ...] | None:
+        """N images (height, width, 3) uint8, or None: without a render mode, or where nothing can be drawn."""
+        if self.mode is None:
+            gymnasium.logger.warn(
+                "render() draws nothing here: make the environment with render_mode='rgb_array'"
+            )
+            return None
+        if self._renderer is None:
+            self._renderer = rendering.make_renderer(self.world.model, self.height, self.width)
+        if self._renderer is None:
+            return None
+        return tuple(self._renderer.draw(row) for row in self.world.physics.qpos)
+
+    def close(self) -> None:
+        """Gives back the graphics context; a later `draw` makes another."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+
+
+def spaces(world: BatchedEnvironment) -> tuple[Box, Box]:
+    """Observation space (72,) and action space (9,) of one simulation, float32.
+
+    Quaternions and the phase are bounded by nature. The other bounds are where MuJoCo gives up on a simulation.
+    """
+    far, unit = mujoco.mjMAXVAL, 1.0
+    robot = [far] * 19 + [unit] * 4 + [far] * 6
+    parts = ([far] * 3 + [unit] * 4) * len(world.furniture.parts)
+    high = np.array([*robot, *parts, *[1.0] * len(PHASES)], dtype=np.float32)
+    low = -high
+    low[-len(PHASES) :] = 0.0
+    return Box(low, high, dtype=np.float32), Box(-1.0, 1.0, (NUM_ACTIONS,), dtype=np.float32)
+
+
+def read_options(
+    world: BatchedEnvironment, options: Mapping[str, Any] | None, valid: tuple[str, ...]
+) -> dict[str, Any]:
+    """Checks the options of a reset.
+
+    Raises:
+        ValueError: an option is not one of `valid`, or `snapshot` is no snapshot of as many simulations.
+    """
+    options = dict(options or {})
+    for name in options:
+        if name not in valid:
+            raise ValueError(f"unknown reset option {name!r}; valid options: {', '.join(valid)}")
+    snapshot = options.get("snapshot")
+    if snapshot is not None:
+        batch = tuple(snapshot.batch_size) if isinstance(snapshot, TensorDictBase) else None
+        if batch != (world.num_sims,):
+            got = type(snapshot).__name__ if batch is None else f"batch {batch}"
+            raise ValueError(
+                "reset option 'snapshot' is what an environment's snapshot() returns, of batch "
+                f"({world.num_sims},) here; got {got}"
+            )
+    return options
+
+
+def begin(
+    world: BatchedEnvironment, seed: int | None, snapshot: TensorDict | None, mask: Tensor | None = None
+) -> None:
+    """Starts episodes in the simulations of `mask`, by default all: from `snapshot`, or else as the task does."""
+    if seed is not None:
+        world.seed(seed)
+    if snapshot is None:
+        world.reset(mask)
+    else:
+        world.reset_to(snapshot, mask)
+
+
+def read_actions(world: BatchedEnvironment, values: Any, shape: tuple[int, ...]) -> Tensor:
+    """Actions as a float64 tensor of their own.
+
+    Raises:
+        ValueError: they have another shape.
+    """
+    actions = np.array(values, dtype=np.float64)
+    if actions.shape != shape:
+        raise ValueError(
+            f"an action of {world.name} has shape {shape} here: 7 joint velocities, gripper, connect; "
+            f"got {actions.shape}"
+        )
+    return torch.from_numpy(actions)

@@ -1,0 +1,251 @@
+"""The Gymnasium front: Gymnasium's own contract, its autoreset modes, the same numbers as the other fronts."""
+
+import warnings
+
+import gymnasium
+import numpy as np
+import pytest
+import torch
+from gymnasium.utils.env_checker import check_env, data_equivalence
+from gymnasium.vector import AutoresetMode
+from tensordict import TensorDict
+
+import tstar_envs
+from tstar_envs import rendering
+from tstar_envs.furniture import names
+from tstar_envs.gymnasium_env import environment_id
+from tstar_rl.furniture_env import FurnitureEnv
+
+TASK, ID = "table_lack", "tstar/TableLack-v0"
+STILL = {"part_noise": 0.0, "part_noise_degrees": 0.0, "arm_noise": 0.0}
+
+
+def make_vec(num_envs=2, **settings):
+    return gymnasium.make_vec(ID, num_envs, "vector_entry_point", **settings)
+
+
+def actions(*shape, seed=0):
+    return np.random.default_rng(seed).uniform(-1, 1, shape).astype(np.float32)
+
+
+@pytest.fixture(scope="module")
+def snapshot():
+    """Three simulations in the middle of subtask 1, a weld active, actions as a policy would take them."""
+    env = FurnitureEnv(TASK, num_envs=3, subtask=1, nthread=2, seed=3)
+    env.rollout(12, env.expert())
+    return env.snapshot()
+
+
+@pytest.mark.parametrize("name", names())
+def test_every_piece_of_furniture_passes_gymnasiums_check_without_a_warning(name):
+    blind = rendering.backend() is None
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for arguments in ({"subtask": 0}, {"max_steps": 5}):
+            check_env(gymnasium.make(environment_id(name), **arguments).unwrapped, skip_render_check=blind)
+
+
+def test_ids_are_made_from_names_and_an_import_is_enough():
+    assert environment_id(TASK) == ID and environment_id("chair_ingolf") == "tstar/ChairIngolf-v0"
+    assert gymnasium.make("tstar_envs:" + ID, subtask=2).unwrapped.world.subtask == 2
+    before = dict(gymnasium.registry)
+    tstar_envs.register()  # a second time: nothing is registered over
+    assert gymnasium.registry == before
+
+
+def test_quaternions_and_phase_are_bounded_where_they_stand_in_the_observation():
+    env = gymnasium.make(ID, subtask=0)
+    observation, info = env.reset(seed=0)
+    high, low = env.observation_space.high, env.observation_space.low
+    assert observation.dtype == np.float32 and observation.shape == high.shape == (72,)
+    quaternions = observation[(high == 1) & (low == -1)].reshape(-1, 4)
+    np.testing.assert_allclose(np.linalg.norm(quaternions, axis=1), 1, rtol=1e-6)
+    assert (
+        quaternions.shape == (6, 4)
+        and (observation[(high == 1) & (low == 0)] == np.eye(8)[info["phase"]]).all()
+    )
+
+
+def test_the_task_truncates_by_itself_and_asks_for_a_reset():
+    env = gymnasium.make(ID, subtask=1, max_steps=3)
+    env.reset(seed=0)
+    ends = [env.step(np.zeros(9))[2:4] for _ in range(3)]
+    assert ends == [(False, False), (False, False), (False, True)]
+    with pytest.raises(gymnasium.error.ResetNeeded, match="call reset"):
+        env.step(np.zeros(9))
+
+
+def test_a_seed_gives_the_same_start_in_every_front():
+    env = gymnasium.make(ID, subtask=0)
+    first, other, again = env.reset(seed=7)[0], env.reset()[0], env.reset(seed=7)[0]
+    np.testing.assert_array_equal(first, again)
+    assert (first != other).any()
+    dm = tstar_envs.load_dm(TASK, subtask=0, seed=7).reset().observation["observation"]
+    np.testing.assert_array_equal(first, dm.astype(np.float32))
+    rows = FurnitureEnv(TASK, num_envs=2, subtask=0, seed=7).reset()["observation"].numpy()
+    np.testing.assert_array_equal(make_vec(subtask=0).reset(seed=7)[0], rows)
+
+
+def test_the_same_numbers_as_in_the_other_fronts(snapshot):
+    """Rows of one snapshot under one sequence of actions: TorchRL, dm_env, one environment, a vector of them."""
+    moves = torch.from_numpy(actions(15, 3, 9))
+    torchrl = FurnitureEnv(TASK, num_envs=3, subtask=1, seed=0)
+    start = TensorDict({"snapshot": snapshot, "use": torch.ones(3, 1, dtype=torch.bool)}, [3])
+    at = torchrl.reset(TensorDict({"start": start}, [3]))
+    vector = make_vec(num_envs=3, subtask=1)
+    np.testing.assert_array_equal(vector.reset(options={"snapshot": snapshot})[0], at["observation"].numpy())
+    rows = [slice(i, i + 1) for i in range(3)]
+    singles = [gymnasium.make(ID, subtask=1) for _ in rows]
+    dms = [tstar_envs.load_dm(TASK, subtask=1) for _ in rows]
+    for row, single, dm in zip(rows, singles, dms, strict=True):
+        single.reset(options={"snapshot": snapshot[row]})
+        dm.reset_to(snapshot[row])
+    for move in moves:
+        expected = torchrl.step(at.set("action", move))["next"]
+        observations, rewards, terminated, truncated, infos = vector.step(move.numpy())
+        np.testing.assert_array_equal(observations, expected["observation"].numpy())
+        np.testing.assert_array_equal(rewards.astype(np.float32), expected["reward_env"].squeeze(-1).numpy())
+        assert not terminated.any() and not truncated.any()
+        for i, (single, dm) in enumerate(zip(singles, dms, strict=True)):
+            step, (observation, reward, *_, info) = dm.step(move[i].numpy()), single.step(move[i].numpy())
+            np.testing.assert_array_equal(observation, step.observation["observation"].astype(np.float32))
+            np.testing.assert_array_equal(observation, observations[i])
+            assert reward == step.reward == rewards[i]
+            for name in ("subtask", "phase", "completed"):
+                assert info[name] == step.observation[name] == infos[name][i] == int(expected[name][i]), name
+
+
+def test_success_terminates_pays_and_is_in_the_info():
+    """The expert's actions, told to a single environment and to a vector of one."""
+    env, vector = gymnasium.make(ID, subtask=0, reward_scale=0.05), make_vec(num_envs=1, subtask=0)
+    env.reset(seed=0)
+    vector.reset(seed=0)
+    world = env.unwrapped.world
+    expert, total, last = world.expert(), 0.0, {"success": False, "phase": 1, "completed": 0}
+    while not last["success"]:
+        assert last["phase"] >= 1 and last["completed"] == 0
+        action = expert.act(world.state).float().numpy()[0]
+        _, reward, terminated, truncated, last = env.step(action)
+        _, rewards, *ends, infos = vector.step(action[None])
+        assert reward == 0.05 * rewards[0] and ends == [[terminated], [truncated]] and not truncated
+        assert infos["success"][0] == last["success"] == terminated
+        total += reward
+    assert last == {"success": True, "subtask": 1, "phase": 1, "completed": 1}
+    assert total > 0.05 * 50000  # eight bonuses of 5000, some of them doubled
+
+
+@pytest.mark.parametrize("mode", list(AutoresetMode))
+def test_a_vector_does_what_gymnasiums_own_does(mode):
+    """Against `SyncVectorEnv` in the same mode; without noise all episodes begin alike, so they compare to the bit.
+
+    A reset by mask in step 2 makes the rows end at different times.
+    """
+    settings = {"subtask": 1, "max_steps": 4, **STILL}
+    ours = make_vec(autoreset_mode=mode, **settings)
+    theirs = gymnasium.make_vec(ID, 2, "sync", {"autoreset_mode": mode}, **settings)
+    assert ours.metadata["autoreset_mode"] is theirs.metadata["autoreset_mode"] is mode
+    assert ours.observation_space == theirs.observation_space and ours.action_space == theirs.action_space
+    assert_same(ours.reset(seed=0), theirs.reset(seed=0))
+    ended, seen = np.zeros(2, dtype=bool), set()
+    for i, action in enumerate(actions(14, 2, 9)):
+        again = np.array([True, False]) if i == 2 else ended
+        if i == 2 or (mode is AutoresetMode.DISABLED and ended.any()):
+            assert_same(*(env.reset(options={"reset_mask": again}) for env in (ours, theirs)))
+        one, other = ours.step(action), theirs.step(action)
+        assert_same(one, other)
+        ended = one[2] | one[3]
+        seen.add(tuple(ended.tolist()))
+    assert seen == {(False, False), (True, False), (False, True)}
+
+
+def assert_same(ours, theirs):
+    """Everything a reset or a step returns, dtypes and keys too."""
+    for one, other in zip(ours, theirs, strict=True):
+        assert data_equivalence(one, other, exact=True), f"{one} is not {other}"
+
+
+def test_a_step_ignores_the_action_of_a_row_that_it_resets():
+    env = make_vec(subtask=0, max_steps=1)
+    env.reset(seed=0)
+    assert env.step(np.zeros((2, 9)))[3].all()
+    _, rewards, terminated, truncated, _ = env.step(np.full((2, 9), np.nan))
+    assert not rewards.any() and not terminated.any() and not truncated.any()
+
+
+def test_pictures():
+    env = gymnasium.make(ID, subtask=0, render_mode="rgb_array", width=80, height=60)
+    vector = make_vec(subtask=0, render_mode="rgb_array", width=80, height=60)
+    for each in (env, vector):
+        each.reset(seed=0)
+        assert each.metadata["render_fps"] == 10
+    image, images = env.render(), vector.render()
+    if image is None:
+        pytest.skip(rendering.NOTICE)
+    assert image.shape == (60, 80, 3) and image.dtype == np.uint8 and image.std() > 10
+    assert isinstance(images, tuple) and len(images) == 2 and (images[0] != images[1]).any()
+    env.step(np.ones(9))
+    assert (env.render() != image).any()
+    for each in (env, vector):
+        each.close()
+
+
+@pytest.mark.parametrize(
+    "arguments, message",
+    [
+        ({"subtask": 4}, r"subtask of table_lack must be None \(the whole task\) or in 0..3, got 4"),
+        ({"velocity_scal": 0.4}, "task setting 'velocity_scal'.*did you mean 'velocity_scale'"),
+        ({"max_episode_steps": 9}, "'max_episode_steps'.*did you mean 'max_steps'"),
+        ({"render_mode": "ansi"}, "render_mode must be one of None, 'rgb_array'; got 'ansi'"),
+        ({"autoreset_mode": "Later"}, "'Later' is not a valid AutoresetMode"),
+    ],
+)
+def test_mistakes_when_making_are_told(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        gymnasium.make_vec(ID, 2, **arguments)
+
+
+def test_mistakes_when_resetting_are_told(snapshot):
+    env, vector = gymnasium.make(ID, subtask=0), make_vec(subtask=1)
+    for make, options, message in (
+        (env, {"snapshots": snapshot}, "unknown reset option 'snapshots'; valid options: snapshot$"),
+        (
+            env,
+            {"snapshot": {}},
+            "'snapshot' is what an environment's snapshot.. returns, of batch .1,. here; got dict",
+        ),
+        (env, {"snapshot": snapshot[:1]}, "subtask 0 of table_lack cannot start from snapshots of subtask 1"),
+        (vector, {"snapshot": snapshot}, r"of batch \(2,\) here; got batch \(3,\)"),
+        (vector, {"reset_mask": [True]}, r"shape \(2,\), type bool.*got bool of shape \(1,\)"),
+        (vector, {"reset_mask": np.zeros(2, dtype=bool)}, "a True somewhere"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            make.reset(options=options)
+
+
+def test_mistakes_when_stepping_are_told():
+    env, vector = gymnasium.make(ID, subtask=0), make_vec(subtask=0)
+    for each, shape in ((env, (9,)), (vector, (2, 9))):
+        with pytest.raises(gymnasium.error.ResetNeeded):
+            each.step(np.zeros(shape))
+        each.reset(seed=0)
+        with pytest.raises(ValueError, match=r"9,?\) here: 7 joint velocities, gripper, connect; got \(8,\)"):
+            each.step(np.zeros(8))
+        with pytest.raises(ValueError, match="NaN in simulations"):
+            each.step(np.full(shape, np.nan))
+
+
+@pytest.mark.slow
+def test_ppo_of_stable_baselines_learns_to_reach():
+    """4096 steps of the first 20 control steps of a subtask: enough to move above the part."""
+    from stable_baselines3 import PPO
+    from stable_baselines3.common.env_util import make_vec_env
+    from stable_baselines3.common.evaluation import evaluate_policy
+
+    arguments = {"subtask": 0, "max_steps": 20, "reward_scale": 0.05}
+    training, fresh = (make_vec_env(ID, n, seed=n, env_kwargs=arguments) for n in (4, 1))
+    model = PPO("MlpPolicy", training, n_steps=128, learning_rate=1e-3, gamma=0.95, seed=0, device="cpu")
+    before, _ = evaluate_policy(model, fresh, n_eval_episodes=5)
+    model.learn(4096)
+    after, _ = evaluate_policy(model, fresh, n_eval_episodes=5)
+    assert model.num_timesteps == 4096
+    assert after > before + 5, f"return {before} before, {after} after"
