@@ -36,7 +36,8 @@ from tstar_envs.physics.cpu import CpuPhysics
 from tstar_envs.scene import SUBSTEPS, build_model
 from tstar_rl.collection import Collection, derive_seed
 from tstar_rl.configuration import environment, new_skill, recipe, settings
-from tstar_rl.demonstrations import Demonstrations, collect
+from tstar_rl.demonstrate import collect
+from tstar_rl.demonstrations import Demonstrations
 from tstar_rl.skill import Skill
 from tstar_rl.transforms import GAILReward, RewardMixture
 from tstar_rl.updates import (

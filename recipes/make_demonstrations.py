@@ -11,7 +11,8 @@ from tqdm import tqdm
 
 from tstar_rl.collection import derive_seed
 from tstar_rl.configuration import demonstrations_path, environment, recipe
-from tstar_rl.demonstrations import KINDS, collect
+from tstar_rl.demonstrate import collect
+from tstar_rl.demonstrations import KINDS
 
 
 @recipe("make_demonstrations")

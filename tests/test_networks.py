@@ -10,7 +10,8 @@ from torchrl.envs.utils import ExplorationType, set_exploration_type
 from torchrl.objectives import ClipPPOLoss
 
 from tstar_rl import networks
-from tstar_rl.networks import Normalizer, RelativeFeatures
+from tstar_rl.features import RelativeFeatures
+from tstar_rl.normalizer import Normalizer
 
 HALF = math.sqrt(0.5)
 IDENTITY = [1.0, 0.0, 0.0, 0.0]

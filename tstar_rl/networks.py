@@ -14,68 +14,17 @@ from torch.nn.functional import softplus
 from torchrl.modules import MLP, IndependentNormal, ProbabilisticActor, ValueOperator
 
 from tstar_rl.features import RelativeFeatures
+from tstar_rl.normalizer import Normalizer
 
 __all__ = [
     "Discriminator",
     "GaussianHead",
-    "Normalizer",
-    "RelativeFeatures",
     "action_std",
     "make_discriminator",
     "make_policy",
     "make_value",
     "set_action_std",
 ]
-
-
-class Normalizer(nn.Module):
-    """Shifts and scales observations to zero mean and unit deviation, and clips them.
-
-    The deviation is floored: a dimension that hardly moved in the data (a preassembled part) must not turn a
-    millimetre into ten deviations later. Until it is fitted it passes observations through, clipped.
-
-    Args:
-        obs_dim: size of an observation.
-        clip: largest absolute value that comes out.
-    """
-
-    loc: Tensor
-    scale: Tensor
-    var: Tensor
-    count: Tensor
-
-    def __init__(self, obs_dim: int = 72, clip: float = 10.0) -> None:
-        super().__init__()
-        self.clip = clip
-        self.register_buffer("loc", torch.zeros(obs_dim))
-        self.register_buffer("scale", torch.ones(obs_dim))
-        self.register_buffer("var", torch.ones(obs_dim))
-        self.register_buffer("count", torch.zeros(()))
-
-    def forward(self, obs: Tensor) -> Tensor:
-        """obs: (..., obs_dim) -> the same shape, within [-clip, clip]."""
-        return ((obs - self.loc) / self.scale).clamp(-self.clip, self.clip)
-
-    @torch.no_grad()
-    def fit(self, obs: Tensor, floor: float = 0.02) -> None:
-        """Sets the statistics to those of obs (..., obs_dim), forgetting what was there."""
-        self.count.zero_()
-        self.update(obs, floor)
-
-    @torch.no_grad()
-    def update(self, obs: Tensor, floor: float = 0.02) -> None:
-        """Adds obs (..., obs_dim) to the running statistics, in place (Chan's parallel form of Welford's)."""
-        rows = obs.reshape(-1, self.loc.shape[-1]).to(self.loc)
-        if rows.shape[0] == 0:
-            return
-        total = self.count + rows.shape[0]
-        share = rows.shape[0] / total
-        step = rows.mean(0) - self.loc
-        batch_var = rows.var(0, unbiased=False)
-        self.var.copy_((1 - share) * self.var + share * batch_var + share * (1 - share) * step.square())
-        self.loc.add_(share * step)
-        self.count.copy_(total)
-        self.scale.copy_(self.var.sqrt().clamp_min(floor))
 
 
 class _Trunk(nn.Module):

@@ -8,13 +8,9 @@ import torch
 from torch import nn
 
 from tstar_rl import checkpoint
-from tstar_rl.networks import (
-    Normalizer,
-    RelativeFeatures,
-    make_discriminator,
-    make_policy,
-    make_value,
-)
+from tstar_rl.features import RelativeFeatures
+from tstar_rl.networks import make_discriminator, make_policy, make_value
+from tstar_rl.normalizer import Normalizer
 from tstar_rl.state_sets import InitiationSet, TerminationSet
 from tstar_rl.updates import ReturnScale
 
