@@ -12,7 +12,6 @@ from tstar_envs import geometry as g
 HALF = math.sqrt(0.5)
 YAW_90 = tensor([HALF, 0.0, 0.0, HALF])  # x -> y, y -> -x
 ROLL_90 = tensor([HALF, HALF, 0.0, 0.0])  # y -> z, z -> -y
-FLIP = tensor([0.0, 1.0, 0.0, 0.0])  # half a turn about x
 
 
 def random_quats(n: int, dtype=torch.float64) -> torch.Tensor:
@@ -49,7 +48,6 @@ def test_matrix_and_quaternion_rotate_alike():
     q, v = random_quats(64), torch.arange(192, dtype=torch.float64).reshape(64, 3)
     assert_close(g.quat_rotate(q, v), torch.einsum("nij,nj->ni", g.quat_to_matrix(q), v))
     assert_close(g.up_axis(q), g.quat_to_matrix(q)[..., 2])
-    assert_close(g.forward_axis(q), g.quat_to_matrix(q)[..., 1])
 
 
 def test_axis_angle_and_yaw():
@@ -70,36 +68,6 @@ def test_poses_relative_and_composed():
     assert_close(back_q, YAW_90)
 
 
-def test_quat_between_is_the_missing_turn():
-    a, b = random_quats(8), random_quats(8).flip(0)
-    assert_close(g.quat_mul(a, g.quat_between(a, b)), b)
-
-
-def test_axis_cosines():
-    assert_close(g.up_cosine(FLIP, tensor([1.0, 0, 0, 0])), tensor(-1.0))
-    assert_close(g.up_cosine(YAW_90, tensor([1.0, 0, 0, 0])), tensor(1.0))
-    assert_close(g.forward_cosine(YAW_90, tensor([1.0, 0, 0, 0])), tensor(0.0))
-    tilt = g.axis_angle_quat(tensor([1.0, 0, 0]), tensor(math.radians(60)))
-    assert_close(g.up_cosine(tilt, tensor([1.0, 0, 0, 0])), tensor(0.5))
-
-
-@pytest.mark.parametrize(
-    "degrees, angles, cosine, index",
-    [
-        (90, [0, 90, 180, 270], 1.0, 1),
-        (-80, [0, 90, 180, 270], math.cos(math.radians(10)), 3),
-        (90, [0], 0.0, 0),
-        (150, [0, 180], math.cos(math.radians(30)), 1),
-    ],
-)
-def test_symmetric_alignment_takes_the_best_allowed_turn(degrees, angles, cosine, index):
-    b = ROLL_90.double()  # alignment does not depend on how the pair lies in the world
-    a = g.quat_mul(b, g.yaw_quat(tensor(math.radians(degrees), dtype=torch.float64)))
-    best, which = g.symmetric_alignment(a, b, torch.deg2rad(tensor(angles, dtype=torch.float64)))
-    assert_close(best, tensor(cosine, dtype=torch.float64))
-    assert which == index
-
-
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
 def test_dtype_is_kept(dtype):
     q, v = random_quats(3, dtype), torch.ones(3, 3, dtype=dtype)
@@ -107,7 +75,7 @@ def test_dtype_is_kept(dtype):
         g.quat_mul(q, q),
         g.quat_rotate(q, v),
         g.quat_to_matrix(q),
-        g.up_cosine(q, q),
+        g.up_axis(q),
         g.yaw_quat(v[:, 0]),
     ]
     assert all(out.dtype == dtype for out in outs)

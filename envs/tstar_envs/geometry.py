@@ -1,4 +1,4 @@
-"""Quaternions, poses and alignment in pure torch, batched over any leading axes, in the dtype of the inputs.
+"""Quaternions and poses in pure torch, batched over any leading axes, in the dtype of the inputs.
 
 Quaternions are (w, x, y, z) of unit length; `q` rotates vectors of its own frame into the parent's. A pose is a
 position and a quaternion. Angles are in rad. Nothing here normalises: what goes in with unit length comes out so.
@@ -64,11 +64,6 @@ def yaw_quat(angle: Tensor) -> Tensor:
     return torch.stack((half.cos(), zero, zero, half.sin()), -1)
 
 
-def quat_between(a: Tensor, b: Tensor) -> Tensor:
-    """The rotation (..., 4) of frame b as seen from frame a: quat_mul(a, result) is b."""
-    return quat_mul(quat_conj(a), b)
-
-
 def relative_pose(p1: Tensor, q1: Tensor, p2: Tensor, q2: Tensor) -> tuple[Tensor, Tensor]:
     """The pose 2 in frame 1, both given in one frame: position (..., 3) and quaternion (..., 4)."""
     inverse = quat_conj(q1)
@@ -84,40 +79,3 @@ def up_axis(q: Tensor) -> Tensor:
     """The z axis (..., 3) of frames q (..., 4)."""
     w, x, y, z = q.unbind(-1)
     return torch.stack((2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)), -1)
-
-
-def forward_axis(q: Tensor) -> Tensor:
-    """The y axis (..., 3) of frames q (..., 4)."""
-    w, x, y, z = q.unbind(-1)
-    return torch.stack((2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)), -1)
-
-
-def up_cosine(a: Tensor, b: Tensor) -> Tensor:
-    """Cosine (...) of the angle between the z axes of two frames (..., 4)."""
-    return (up_axis(a) * up_axis(b)).sum(-1)
-
-
-def forward_cosine(a: Tensor, b: Tensor) -> Tensor:
-    """Cosine (...) of the angle between the y axes of two frames (..., 4)."""
-    return (forward_axis(a) * forward_axis(b)).sum(-1)
-
-
-def symmetric_alignment(a: Tensor, b: Tensor, allowed_angles: Tensor) -> tuple[Tensor, Tensor]:
-    """How well frame a points forward as frame b does, where some turns about b's z axis are as good as none.
-
-    Turning b by theta about its own z axis moves its y axis to cos(theta) y - sin(theta) x.
-
-    Args:
-        a: quaternions (..., 4).
-        b: quaternions (..., 4).
-        allowed_angles: (R,) or (..., R), rad.
-
-    Returns:
-        The best cosine (...) of the two forward axes, and the index (...) of the angle that gives it.
-
-    Source: environment.md "Connecting".
-    """
-    y_of_a = forward_axis(a)
-    along = (y_of_a * forward_axis(b)).sum(-1, keepdim=True)
-    across = (y_of_a * quat_to_matrix(b)[..., 0]).sum(-1, keepdim=True)
-    return (allowed_angles.cos() * along - allowed_angles.sin() * across).max(-1)

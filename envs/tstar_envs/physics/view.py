@@ -11,7 +11,7 @@ from torch import Tensor
 class PhysicsView(Protocol):
     """N simulations. State tensors are live: writing one is the simulations' state at the next call.
 
-    Derived quantities (sensors) are current after `step`, `forward` and `restore`, and read-only.
+    Derived quantities (sensors) are current after `step`, `settle`, `forward` and `set_state`, and read-only.
     All tensors are float64 on `device`. Lengths in m, angles in rad, world frame, quaternions (w, x, y, z).
     """
 

@@ -6,7 +6,7 @@ environment, each measured to hold a grasp better or to step faster:
 * stiffer velocity servos and a joint armature of 0.05 kg m^2 (the original's gains are sluggish);
 * box finger pads (capsules lose the part at this timestep: 12 to 72% scripted success against 100%) and thin,
   set-back finger links, so that a grasped part touches pads only;
-* collision geometry on the last links alone: nothing else of the arm comes near the work.
+* collision geometry on the wrist, the hand and the fingers alone: nothing else of the arm comes near the work.
 
 Source: sawyer figures of the reference; docs/decisions/0005-physics.md.
 """
@@ -31,7 +31,7 @@ FINGERS = ("left_finger", "right_finger")
 ARMATURE = 0.05
 
 # Bits of MuJoCo's contype / conaffinity.
-WORLD_BIT, PART_BIT, PAD_BIT, LINK_BIT = 1, 2, 4, 8
+WORLD_BIT, PART_BIT, PAD_BIT = 1, 2, 4
 
 
 class Link(NamedTuple):
@@ -112,7 +112,7 @@ def _add_link(spec: mujoco.MjSpec, parent, joint: str, link: Link):
 
 
 def _add_collision_geoms(spec: mujoco.MjSpec) -> None:
-    """Geometry of the links: the drawn ones never collide; the last two meet parts only."""
+    """Geometry of the links: all of it is drawn, only the sphere of the wrist collides, and with parts alone."""
     drawn = {"contype": 0, "conaffinity": 0, "group": 1, "mass": 0, "rgba": (0.55, 0.15, 0.15, 1)}
     cylinder, sphere = mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_SPHERE
     spec.body("base").add_geom(type=cylinder, size=(0.08, 0.12, 0), pos=(0, 0, 0.12), **drawn)
