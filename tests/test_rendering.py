@@ -58,11 +58,20 @@ def test_mistakes_are_told(model, renderer):
         renderer.draw(np.zeros(3))
 
 
-def test_where_nothing_can_be_drawn_one_sentence_says_so(monkeypatch, model):
+@pytest.mark.parametrize(
+    "asked, message",
+    [
+        ("", "neither EGL nor OSMesa works here.*libosmesa6"),
+        ("EGL", "MUJOCO_GL asks for egl, which does not"),
+    ],
+)
+def test_where_nothing_can_be_drawn_one_sentence_says_so(monkeypatch, model, asked, message):
+    monkeypatch.setenv("MUJOCO_GL", asked)
+    monkeypatch.setenv("PYOPENGL_PLATFORM", "")
     monkeypatch.setattr(rendering.subprocess, "run", lambda *a, **k: type("Failed", (), {"returncode": 1}))
     rendering.backend.cache_clear()
     try:
-        with pytest.warns(UserWarning, match="neither EGL nor OSMesa works here.*libosmesa6"):
+        with pytest.warns(UserWarning, match=message):
             assert rendering.make_renderer(model) is None
         assert rendering.make_renderer(model) is None
     finally:

@@ -28,6 +28,9 @@ NOTICE = (
     "Nothing is drawn: neither EGL nor OSMesa works here (on Debian: apt-get install libosmesa6); "
     "everything else goes on without pictures."
 )
+ASKED = (
+    "Nothing is drawn: MUJOCO_GL asks for {}, which does not work here, and so the other one is not tried."
+)
 _PROBE = """
 import importlib, sys, mujoco
 context = importlib.import_module("mujoco." + sys.argv[1]).GLContext(16, 16)
@@ -41,12 +44,13 @@ context.free()
 def backend() -> str | None:
     """Returns the first of EGL and OSMesa that works, tried in its own process; None, and a warning, if none does."""
     wanted = os.environ.get("MUJOCO_GL", "").lower() or os.environ.get("PYOPENGL_PLATFORM", "").lower()
-    for name in (wanted,) if wanted in BACKENDS else BACKENDS:
+    decided = wanted in BACKENDS
+    for name in (wanted,) if decided else BACKENDS:
         environment = {**os.environ, "MUJOCO_GL": name, "PYOPENGL_PLATFORM": name}
         probe = subprocess.run([sys.executable, "-c", _PROBE, name], env=environment, capture_output=True)
         if probe.returncode == 0:
             return name
-    warnings.warn(NOTICE, stacklevel=2)
+    warnings.warn(ASKED.format(wanted) if decided else NOTICE, stacklevel=2)
     return None
 
 
