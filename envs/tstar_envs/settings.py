@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+import math
+import numbers
 from collections.abc import Mapping
 from typing import Any
 
@@ -45,6 +47,8 @@ class TaskSettings:
     """Control steps for one subtask; K times as many for the whole task."""
 
     def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):
+            _check_type(field.name, getattr(self, field.name), type(field.default))
         _check_choice("gripper", self.gripper, ("sign", "continuous"))
         _check_choice("preassembled", self.preassembled, ("ideal", "jitter"))
         if not 0 < self.velocity_scale <= 1:
@@ -73,6 +77,17 @@ class TaskSettings:
                 hint = f" (did you mean {near[0]!r}?)" if near else ""
                 raise ValueError(f"unknown task setting {name!r}{hint}; valid settings: {', '.join(valid)}")
         return cls(**values)
+
+
+_TYPES = {bool: bool, int: numbers.Integral, float: numbers.Real, str: str}
+
+
+def _check_type(name: str, value: Any, kind: type) -> None:
+    number = kind in (int, float)
+    if not isinstance(value, _TYPES[kind]) or (number and isinstance(value, bool)):
+        raise ValueError(f"setting {name} must be of type {kind.__name__}, got {value!r}")
+    if number and not math.isfinite(value):
+        raise ValueError(f"setting {name} must be finite, got {value}")
 
 
 def _check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
