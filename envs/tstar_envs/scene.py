@@ -38,7 +38,9 @@ def build_spec(furniture: Furniture) -> mujoco.MjSpec:
     targets = {step.target_part for step in furniture.steps}
     for i, part in enumerate(furniture.parts):
         colour = _TARGET_COLOUR if part.name in targets else _PART_COLOURS[i % len(_PART_COLOURS)]
-        _add_part(spec, part, colour)
+        _add_part(spec, part, colour, furniture.impedance)
+    for one, other in furniture.no_contact:
+        spec.add_exclude(bodyname1=one, bodyname2=other)
     _add_welds(spec, furniture)
     _add_contact_sensors(spec, furniture)
     _add_view(spec)
@@ -61,15 +63,18 @@ def _set_options(spec: mujoco.MjSpec) -> None:
     spec.visual.global_.offwidth, spec.visual.global_.offheight = 1280, 960
 
 
-def _add_part(spec: mujoco.MjSpec, part: Part, colour: tuple[float, ...]) -> None:
+def _add_part(spec: mujoco.MjSpec, part: Part, colour: tuple[float, ...], impedance: float | None) -> None:
     body = spec.worldbody.add_body(name=part.name, pos=part.initial_pose[:3], quat=part.initial_pose[3:])
     body.add_joint(name=part.name, type=mujoco.mjtJoint.mjJNT_FREE, damping=1e-4)
     for box in part.boxes:
-        body.add_geom(
+        geom = body.add_geom(
             type=mujoco.mjtGeom.mjGEOM_BOX, size=box.size, pos=box.pos, quat=box.quat, density=part.density,
             contype=sawyer.PART_BIT, conaffinity=sawyer.PART_BIT | sawyer.WORLD_BIT, friction=(0.8, 0.005, 0.0001),
             rgba=colour,
         )  # fmt: skip
+        if impedance is not None:
+            geom.solimp[:2] = impedance
+            geom.solmix = 1000.0  # the part's stiffness counts, whatever it touches
 
 
 def _add_welds(spec: mujoco.MjSpec, furniture: Furniture) -> None:
@@ -79,6 +84,8 @@ def _add_welds(spec: mujoco.MjSpec, furniture: Furniture) -> None:
             name1=step.target_part, name2=step.moving_part, active=False, solref=(0.02, 1),
         )  # fmt: skip
         weld.data[:3] = 0.0  # the anchor; MjSpec's default is meant for joint equalities
+        if furniture.impedance is not None:
+            weld.solimp[:2] = furniture.impedance
 
 
 def _add_contact_sensors(spec: mujoco.MjSpec, furniture: Furniture) -> None:

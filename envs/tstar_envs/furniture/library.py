@@ -88,6 +88,14 @@ class Fields:
             raise FurnitureError(f"{self.at(key)}: got {_short(value)}, expected {expected}")
         return tuple(Fields({key: item}, self.where).number(key) for item in value)
 
+    def name_lists(self, key: str) -> Any:
+        """Returns a list of lists of names as tuples; none where the field is left out."""
+        value = self.get(key, [])
+        rows = value if isinstance(value, list) else [value]
+        if not all(isinstance(row, list) and all(isinstance(name, str) for name in row) for row in rows):
+            raise FurnitureError(f"{self.at(key)}: got {_short(value)}, expected a list of lists of names")
+        return tuple(tuple(row) for row in rows)
+
     def quat(self, key: str) -> Any:
         return _unit_quat(self.numbers(key, 4, default=(1.0, 0.0, 0.0, 0.0)), self.at(key))
 
@@ -118,8 +126,10 @@ def _furniture(fields: Fields, name: str) -> Furniture:
     steps = tuple(_step(child) for _, child in fields.children("steps"))
     z_finedist = fields.number("z_finedist", positive=True)
     max_steps = int(fields.number("max_steps_per_subtask", 200, positive=True))
+    pairs = fields.name_lists("no_contact")
+    impedance = None if fields.get("impedance", None) is None else fields.number("impedance")
     fields.finish()
-    return Furniture(name, parts, steps, z_finedist, max_steps)
+    return Furniture(name, parts, steps, z_finedist, max_steps, pairs, impedance)
 
 
 def _part(name: str, fields: Fields) -> Part:

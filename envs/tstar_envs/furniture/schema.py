@@ -111,6 +111,9 @@ class Furniture:
     Attributes:
         z_finedist: height above the target from which a part is lowered finely, m.
         max_steps_per_subtask: control steps one subtask may take.
+        no_contact: pairs of parts that pass through each other (docs/decisions/0007-chair.md).
+        impedance: MuJoCo's constraint impedance of the parts' contacts and welds, in (0, 1): the nearer to 1 the
+            stiffer. None is MuJoCo's own, 0.9 to 0.95, too soft where a light part carries heavier ones.
     """
 
     name: str
@@ -118,6 +121,8 @@ class Furniture:
     steps: tuple[Step, ...]
     z_finedist: float
     max_steps_per_subtask: int = 200
+    no_contact: tuple[tuple[str, str], ...] = ()
+    impedance: float | None = None
 
     def __post_init__(self) -> None:
         for what, found in (("parts", self.parts), ("steps", self.steps)):
@@ -125,6 +130,10 @@ class Furniture:
                 raise FurnitureError(f"{what}: got none, a piece of furniture needs at least one")
         for i, step in enumerate(self.steps):
             _check_step(self, step, f"steps[{i}]")
+        if self.impedance is not None and not 0 < self.impedance < 1:
+            raise FurnitureError(f"impedance: got {self.impedance:g}, expected a number between 0 and 1")
+        for i, pair in enumerate(self.no_contact):
+            _check_pair(self, pair, f"no_contact[{i}]")
 
     @property
     def part_names(self) -> tuple[str, ...]:
@@ -162,6 +171,16 @@ def _find(items, name: str, what: str):
         if item.name == name:
             return item
     raise FurnitureError(f"no {what} is called {name!r}: {did_you_mean(name, (item.name for item in items))}")
+
+
+def _check_pair(furniture: Furniture, pair: tuple[str, str], where: str) -> None:
+    if len(pair) != 2 or pair[0] == pair[1]:
+        raise FurnitureError(f"{where}: got {list(pair)}, expected two different parts")
+    for name in pair:
+        try:
+            furniture.part(name)
+        except FurnitureError as error:
+            raise FurnitureError(f"{where}: {error}") from None
 
 
 def _check_step(furniture: Furniture, step: Step, where: str) -> None:

@@ -77,7 +77,7 @@ class EpisodeStarts:
             pos, quat = self._relative_pose(k)
             target = poses[:, self.tables.target[k]]
             pose = geometry.compose_pose(target[:, :3], target[:, 3:], pos, quat)
-            poses[:, self.tables.moving[k]] = torch.cat(pose, dim=-1)
+            poses = self.tables.move_group(k, poses, torch.cat(pose, dim=-1))
         return poses
 
     def _relative_pose(self, step: int) -> tuple[Tensor, Tensor]:
