@@ -10,7 +10,27 @@ matplotlib.use("Agg")
 import pandas as pd
 from matplotlib import pyplot as plt
 
-__all__ = ["evaluation_table", "learning_curves", "read_evaluations", "read_metrics"]
+from tstar_rl.ablation_plots import (
+    ablation_bars,
+    ablation_curves,
+    ablation_finding,
+    ablation_table,
+    load_ablation,
+    load_ablation_metrics,
+)
+
+__all__ = [
+    "ablation_bars",
+    "ablation_curves",
+    "ablation_finding",
+    "ablation_table",
+    "evaluation_table",
+    "learning_curves",
+    "load_ablation",
+    "load_ablation_metrics",
+    "read_evaluations",
+    "read_metrics",
+]
 
 
 def _place(file: Path, root: Path) -> dict[str, object]:

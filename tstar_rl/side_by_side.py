@@ -1,0 +1,59 @@
+"""Recipes run as processes of their own, some at a time."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pandas as pd
+
+__all__ = ["Step", "mean_bonus", "run_recipe", "run_side_by_side"]
+
+RECIPES = Path(__file__).resolve().parent.parent / "recipes"
+
+Step = tuple[str, ...]
+"""A recipe and its values."""
+
+
+def run_recipe(step: Step, shared: Sequence[str] = (), line: int = 0) -> None:
+    """Runs one recipe, with the values `shared` before its own; its progress bar takes the screen's line `line`.
+
+    Raises:
+        SystemExit: if it fails, with its command.
+    """
+    name, *values = step
+    environ = {**os.environ, "TQDM_POSITION": str(line), "TQDM_MININTERVAL": "1", "OMP_NUM_THREADS": "1"}
+    command = [sys.executable, str(RECIPES / f"{name}.py"), *shared, *values]
+    if subprocess.run(command, env=environ, check=False).returncode:
+        raise SystemExit(f"this step failed: {' '.join(command)}")
+
+
+def run_side_by_side(lanes: Sequence[Sequence[Step]], shared: Sequence[str], processes: int) -> None:
+    """Runs each lane's steps one after another, and up to `processes` lanes at once.
+
+    A step that fails ends its lane; the other lanes go on.
+
+    Raises:
+        SystemExit: at the end, if a step has failed, with the commands that did.
+    """
+
+    def follow(lane: int) -> str | None:
+        try:
+            for step in lanes[lane]:
+                run_recipe(step, shared, lane % processes)
+        except SystemExit as failure:
+            return str(failure)
+        return None
+
+    with ThreadPoolExecutor(processes) as pool:
+        failures = [failure for failure in pool.map(follow, range(len(lanes))) if failure]
+    if failures:
+        raise SystemExit("\n".join(failures))
+
+
+def mean_bonus(metrics: str | Path) -> float:
+    """What d_omega paid for a success on average in a run's metrics.csv, for a control that always pays as much."""
+    paid = pd.read_csv(metrics)["tsr_on_success"].mean()
+    return 0.0 if pd.isna(paid) else round(min(max(float(paid), 0.0), 1.0), 4)
