@@ -1,13 +1,16 @@
 """Tables that runs leave behind, and the numbers in them."""
 
+import math
+
 import pandas as pd
 import pytest
 import torch
 from tensordict import TensorDict
 
+from tstar_rl.chain import terminal_poses
 from tstar_rl.collection import derive_seed, run_episodes, with_starts
 from tstar_rl.evaluation import evaluate, summarize, wilson_interval
-from tstar_rl.logging import MetricsLog, append_rows
+from tstar_rl.logging import MetricsLog, Run, append_rows
 from tstar_rl.plotting import evaluation_table, learning_curves, read_evaluations, read_metrics
 
 
@@ -39,6 +42,54 @@ def test_evaluation_rows_replace_those_of_the_same_key(tmp_path):
     append_rows(path, [{"checkpoint": "best", "mode": "deterministic", "success": 0.2}], key)
     table = append_rows(path, [{"checkpoint": "last", "mode": "deterministic", "success": 0.3}], key)
     assert sorted(table.success) == [0.2, 0.3] and sorted(pd.read_csv(path).success) == [0.2, 0.3]
+
+
+def a_run(folder, **values) -> Run:
+    config = {"task": {"name": "table"}, "system": "chain", "seed": 0, "resume": True, "progress_bar": False}
+    return Run({**config, "results_dir": str(folder / "results"), "runs_dir": str(folder / "runs")}, **values)
+
+
+def test_the_best_turn_of_a_chain_is_told_by_its_trials(tmp_path):
+    run = a_run(tmp_path, trials=True)
+    run.start()
+    found = []
+    for steps, trial in ((10, None), (20, 0.5), (30, None), (40, 0.4), (50, 0.5)):
+        row = {"success_rate": 1.0, "completed": 1.0} | ({} if trial is None else {"trial_progress": trial})
+        run.log(steps, **row)
+        found.append(run.improved)
+    assert found == [False, True, False, False, True]  # of equals, the newest
+
+
+def test_the_best_of_a_training_is_told_by_the_mean_of_what_was_completed(tmp_path):
+    run = a_run(tmp_path)
+    run.start()
+    found = []
+    for completed in (math.nan, 0.0, 2.0, 1.0, 0.0):  # running means: -, 0, .4, .52, .416
+        run.log(10 * len(found) + 10, success_rate=0.0, completed=completed)
+        found.append(run.improved)
+    assert found == [False, True, True, True, False]
+
+
+def test_terminal_states_and_the_best_so_far_are_resumed(tmp_path):
+    run = a_run(tmp_path, trials=True)
+    run.start()
+    run.log_terminal_states(5, 2, torch.tensor([[0.1234567, 1.0]]))
+    run.log(10, trial_progress=0.8)
+    run.save_if_due(0)
+    run.log_terminal_states(15, 2, torch.zeros(3, 2))
+    again = a_run(tmp_path, trials=True)
+    assert again.start() == 10
+    again.log(20, trial_progress=0.7)
+    assert not again.improved
+    table = pd.read_csv(tmp_path / "results" / "table" / "chain" / "seed0" / "terminal_states.csv")
+    assert table.to_dict("records") == [{"env_steps": 5, "skill": 2, "pose_0": 0.12346, "pose_1": 1.0}]
+
+
+def test_terminal_poses_are_those_of_successes():
+    observation = torch.arange(4.0).reshape(2, 2, 1).expand(2, 2, 72)  # two simulations, two steps
+    success = torch.tensor([[[False], [True]], [[True], [True]]])
+    rollout = TensorDict({"next": {"observation": observation, "success": success}}, [2, 2])
+    assert terminal_poses(rollout, 2).tolist() == [[1.0] * 35, [2.0] * 35]
 
 
 def test_wilson_by_hand():

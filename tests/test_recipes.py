@@ -8,6 +8,7 @@ import sys
 import time
 from pathlib import Path
 
+import pandas as pd
 import pytest
 import torch
 
@@ -102,6 +103,32 @@ def test_missing_demonstrations_are_named(tmp_path):
     assert done.returncode and "make_demonstrations" in done.stderr
 
 
+def test_an_evaluation_of_nothing_says_where_it_looked(tmp_path):
+    done = run("evaluate", "system=tstar", *places(tmp_path, "a"))
+    assert done.returncode and "no skill and no chain at" in done.stderr and "tstar/seed0" in done.stderr
+
+
+@pytest.mark.slow
+def test_baselines_of_the_whole_task_are_made_and_evaluated_once(tmp_path):
+    systems = "systems={bc_noisy:[bc,demonstrations.kind=noisy],gail_ppo:[gail_ppo]}"
+    small = ["demonstrations.episodes=4", "demonstrations.num_envs=8", "bc.epochs=1", "ppo.epochs=1"]
+    small += ["training.num_envs=8", "training.total_steps=1024", "training.max_steps=25"]
+    small += ["evaluation.whole_episodes=4", "evaluation.recorded=0", f"demonstrations_dir={tmp_path / 'd'}"]
+    values = ["scale=whole_quick", systems, *small, *places(tmp_path, "a")]
+    done = run("baselines", *values)
+    assert done.returncode == 0, done.stderr
+    tables = {}
+    for name, checkpoints in (("bc_noisy", {"last"}), ("gail_ppo", {"last", "best"})):
+        file = tmp_path / "a" / "results" / "table_lack" / name / "seed0" / "evaluation.csv"
+        tables[file] = file.stat().st_mtime_ns
+        table = pd.read_csv(file)
+        assert set(table.checkpoint) == checkpoints and set(table["mode"]) == {"deterministic", "stochastic"}
+        assert {f"subtask_{i}" for i in range(4)} <= set(table.columns) and (table.episodes == 4).all()
+    again = run("baselines", *values)
+    assert again.returncode == 0, again.stderr
+    assert {file: file.stat().st_mtime_ns for file in tables} == tables
+
+
 @pytest.mark.slow
 def test_threads_do_not_change_the_figures(demonstrations, tmp_path):
     for nthread in (1, 2):
@@ -145,7 +172,7 @@ def test_a_killed_chain_resumes_to_the_same_figures(tmp_path):
     shutil.copytree(tmp_path / "whole" / "runs", tmp_path / "killed" / "runs")
 
     chain = [demonstrations, "chain.rounds=1", "chain.steps_per_turn=512", "chain.trial_episodes=8"]
-    files = {}
+    files, chains = {}, {}
     for name in ("whole", "killed"):
         values = [*chain, *places(tmp_path, name)]
         files[name] = tmp_path / name / "results" / "table_lack" / "tstar" / "seed0" / "metrics.csv"
@@ -153,4 +180,8 @@ def test_a_killed_chain_resumes_to_the_same_figures(tmp_path):
             assert 9 <= kill_after(9, files[name], "tstar", *values) < 16, "it was not killed in the middle"
         done = run("tstar", *values)
         assert done.returncode == 0, done.stderr
+        best = tmp_path / name / "runs" / "table_lack" / "tstar" / "seed0" / "best"
+        chains[name] = [Skill.load(best / f"skill{index}").network_state() for index in range(4)]
     assert files["whole"].read_bytes() == files["killed"].read_bytes()
+    assert pd.read_csv(files["whole"]).trial_progress.notna().sum() == 4
+    torch.testing.assert_close(chains["whole"], chains["killed"], rtol=0, atol=0)

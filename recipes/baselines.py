@@ -1,0 +1,46 @@
+"""The baselines of one policy for the whole task: demonstrations, BC twice, PPO, GAIL, GAIL+PPO, evaluation.
+
+    python recipes/baselines.py task=table_lack seed=0          # scale=whole; scale=whole_quick for a look
+
+What is given on the command line is passed on to every step. A baseline that is evaluated is not made again; a training
+that was killed goes on from its last checkpoint. Tables land in <results_dir>/<task>/<baseline>/seed<k>/.
+"""
+
+from hydra.core.hydra_config import HydraConfig
+from omegaconf import DictConfig
+
+from tstar_rl.configuration import recipe
+from tstar_rl.logging import run_path
+from tstar_rl.side_by_side import Step, run_recipe, run_side_by_side
+
+OWN = ("processes", "systems", "subtask")  # values that only this recipe knows
+
+
+@recipe("baselines")
+def main(config: DictConfig) -> None:
+    """Trains and evaluates those that are missing, some at a time."""
+    given = HydraConfig.get().overrides.task
+    shared = [value for value in given if value.split("=")[0].split(".")[0] not in (*OWN, "scale")]
+    shared.insert(0, f"scale={HydraConfig.get().runtime.choices['scale']}")
+    lanes = [_lane(system, values) for system, values in config.systems.items() if not _done(config, system)]
+    if lanes:
+        run_recipe(("make_demonstrations", "whole=true"), shared)
+        run_side_by_side(lanes, shared, config.processes)
+
+
+def _lane(system: str, values: list[str]) -> list[Step]:
+    """The steps of one baseline; `values` are its recipe and what that is given."""
+    name, *own = values
+    return [(name, f"system={system}", *own), ("evaluate", f"system={system}")]
+
+
+def _done(config: DictConfig, system: str) -> bool:
+    """Whether a baseline has been trained and evaluated."""
+    place = (config.task.name, system, config.seed)
+    trained = run_path(config.runs_dir, *place) / "finished.json"
+    evaluated = run_path(config.results_dir, *place) / "evaluation.csv"
+    return trained.is_file() and evaluated.is_file() and evaluated.stat().st_mtime > trained.stat().st_mtime
+
+
+if __name__ == "__main__":
+    main()
