@@ -22,6 +22,7 @@ from tstar_rl.configuration import chain_length, demonstrations_path, plain, rec
 from tstar_rl.logging import MACHINE_ONLY, run_path
 from tstar_rl.plotting import ablation_bars, ablation_finding, ablation_table, load_ablation
 from tstar_rl.side_by_side import Step, mean_bonus, run_side_by_side
+from tstar_rl.starts import check_shares
 
 OWN = ("ablation", "all", "variants", "processes")  # values that only this recipe knows
 EVALUATION = ("modes=[deterministic]", "video=false")
@@ -72,12 +73,12 @@ def _check(config: DictConfig, run: Variant, shared: list[str]) -> None:
     Raises:
         SystemExit: if it was finished with other values.
     """
-    compose("recipe/evaluate", [*shared, *run.overrides])
+    chain_length(compose("recipe/evaluate", [*shared, *run.overrides]))
     kept = _place(config, "results_dir", run.place) / "config.yaml"
     if not run.trains:
         return
     wanted = plain(compose(f"recipe/{run.system}", [*shared, *_values(run)]))
-    chain_length(config)
+    check_shares(wanted["chain"]["starts"])
     if _finished(config, run.place) and kept.is_file():
         saved = yaml.safe_load(kept.read_text())
         names = [name for name in wanted if name in saved and name not in (*MACHINE_ONLY, "bonus")]

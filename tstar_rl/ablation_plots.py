@@ -119,7 +119,7 @@ def _summary(rows: pd.DataFrame) -> dict[str, float]:
     line |= {"progress_low": max(progress - half, 0.0), "progress_high": min(progress + half, 1.0)}
     line |= {"success": success, "success_low": max(min(low, success - seeds), 0.0)}
     line |= {"success_high": min(max(high, success + seeds), 1.0)}
-    return line | {name: rows[name].mean() for name in rows if name.startswith("subtask_")}
+    return line | {str(name): rows[name].mean() for name in rows if str(name).startswith("subtask_")}
 
 
 def ablation_table(rows: pd.DataFrame) -> pd.DataFrame:
@@ -165,25 +165,27 @@ def ablation_bars(rows: pd.DataFrame) -> Figure:
 
 
 def ablation_curves(metrics: pd.DataFrame, column: str = "success_rate") -> Figure:
-    """A logged column while each skill was fine-tuned, mean over seeds: a panel a skill, a line a variant.
+    """A logged column while each skill was fine-tuned, mean over seeds: panels by task and skill, a line a variant.
 
-    One task at a time: of several, the first.
+    Raises:
+        ValueError: if no run has logged the column.
     """
     if not len(metrics):
         return _empty(metrics)
-    metrics = metrics[metrics.task == metrics.task.iloc[0]].dropna(subset=[column])
-    skills = sorted(metrics["skill"].unique())
-    figure, panels = plt.subplots(
-        1, len(skills), figsize=(3.6 * len(skills), 3.4), squeeze=False, sharey=True
-    )
-    for panel, skill in zip(panels[0], skills, strict=True):
-        for name, rows in metrics[metrics.skill == skill].groupby("variant", observed=True):
+    if column not in metrics:
+        raise ValueError(f"nothing logged {column!r}; there are {', '.join(metrics.columns)}")
+    tasks, skills = sorted(metrics["task"].unique()), sorted(metrics["skill"].unique())
+    size = (3.6 * len(skills), 3.2 * len(tasks))
+    figure, panels = plt.subplots(len(tasks), len(skills), figsize=size, squeeze=False, sharey=True)
+    for (task, skill), part in metrics.groupby(["task", "skill"]):
+        panel = panels[tasks.index(task), skills.index(skill)]
+        for name, rows in part.dropna(subset=[column]).groupby("variant", observed=True):
             mean = rows.groupby("env_steps")[column].mean()
             panel.plot(mean.index, mean, marker=".", linewidth=1, label=str(name).replace("_", " "))
-        panel.set(title=f"skill {int(skill)}", xlabel="environment steps")
+        panel.set(title=f"{task}: skill {int(skill)}", xlabel="environment steps")
         panel.grid(alpha=0.3)
-    panels[0][0].set_ylabel(column.replace("_", " "))
-    panels[0][-1].legend(fontsize=7)
+        panel.set_ylabel(column.replace("_", " "))
+    panels[0, 0].legend(fontsize=7)
     figure.tight_layout()
     plt.close(figure)
     return figure

@@ -2,11 +2,12 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, cast
 
 import torch
 from tensordict import TensorDict, TensorDictBase
-from torchrl.envs import TransformedEnv
+from torch import Tensor
+from torchrl.envs import Compose, TransformedEnv
 
 from tstar_rl.state_sets import TerminalGaussian, TerminationSet
 from tstar_rl.transforms import SkillChainReset
@@ -40,7 +41,8 @@ class MixedStarts:
     def sample(self, n: int, generator: torch.Generator) -> TensorDictBase:
         """n snapshots, batch size [n]; [0] while a source that was asked is empty."""
         chosen = torch.multinomial(self.shares, n, replacement=True, generator=generator)
-        order, pieces = [], []
+        order: list[Tensor] = []
+        pieces: list[TensorDictBase] = []
         for index, source in enumerate(self.sources):
             rows = (chosen == index).nonzero().squeeze(-1)
             if not len(rows):
@@ -50,7 +52,8 @@ class MixedStarts:
                 return TensorDict(batch_size=[0])
             order.append(rows)
             pieces.append(drawn.get("snapshot", drawn))
-        return torch.cat(pieces)[torch.cat(order).argsort()]
+        together: TensorDictBase = torch.cat(pieces)  # pyright: ignore[reportAssignmentType]
+        return together[torch.cat(order).argsort()]  # pyright: ignore[reportReturnType]
 
 
 def check_shares(shares: Mapping[str, float]) -> dict[str, float]:
@@ -93,7 +96,7 @@ def make_starts(
 
 def gaussian_counts(env: TransformedEnv) -> dict[str, int]:
     """What the Gaussian among an environment's starts has drawn, as "gaussian_<what>"; nothing without one."""
-    resets = [each for each in env.transform if isinstance(each, SkillChainReset)]
+    resets = [each for each in cast(Compose, env.transform) if isinstance(each, SkillChainReset)]
     sources = [each for reset in resets for each in getattr(reset.starts, "sources", [reset.starts])]
     gaussians = [each for each in sources if isinstance(each, TerminalGaussian)]
     return {f"gaussian_{name}": count for each in gaussians for name, count in each.counts.items()}
