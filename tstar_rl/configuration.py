@@ -16,6 +16,8 @@ from tstar_rl.demonstrations import DemonstrationError, Demonstrations
 from tstar_rl.logging import run_path
 from tstar_rl.networks import set_action_std
 from tstar_rl.skill import NetworkSettings, Skill
+from tstar_rl.skill_agent import SkillAgent
+from tstar_rl.skill_prior import SkillModelSettings
 from tstar_rl.starts import make_starts
 from tstar_rl.state_sets import TerminationSet
 
@@ -28,6 +30,7 @@ __all__ = [
     "load_demonstrations",
     "load_skills",
     "new_skill",
+    "new_skill_agent",
     "plain",
     "recipe",
     "settings",
@@ -144,6 +147,18 @@ def new_skill(config: DictConfig, subtask: int | None) -> Skill:
         features = environment(config, subtask, 1, 0).base_env.features(subtask)
     torch.manual_seed(derive_seed(config.seed, "networks", subtask))
     return Skill(config.task.name, subtask, networks, features, config.chain.capacity)
+
+
+def new_skill_agent(config: DictConfig, subtask: int | None) -> SkillAgent:
+    """An untrained agent of SPiRL, its weights drawn with the run's seed."""
+    geometry = None
+    if config.networks.features:
+        if subtask is None:
+            raise ValueError("networks.features of SPiRL needs one subtask: set subtask=0..")
+        geometry = environment(config, subtask, 1, 0).base_env.features(subtask)
+    torch.manual_seed(derive_seed(config.seed, "networks", subtask))
+    model = settings(SkillModelSettings, config.spirl.model)
+    return SkillAgent(config.task.name, subtask, model, tuple(config.spirl.critic_hidden), geometry)
 
 
 def demonstrations_path(config: DictConfig, subtask: int | None, kind: str) -> Path:

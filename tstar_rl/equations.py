@@ -1,9 +1,10 @@
 """The paper's rewards and losses as pure functions of tensors.
 
 "The paper" is Lee et al., *Adversarial Skill Chaining for Long-Horizon Robot Manipulation via Terminal State
-Regularization*, CoRL 2021; "AMP" is Peng et al., 2021, whose formulation of GAIL the paper adopts. Every
-function keeps the shape of its arguments (they broadcast) unless it says that it returns a mean. Discriminator
-outputs come in raw: they are clipped here, where a reward is made of them, and nowhere else.
+Regularization*, CoRL 2021; "AMP" is Peng et al., 2021, whose formulation of GAIL the paper adopts; "SPiRL" is
+Pertsch et al., *Accelerating Reinforcement Learning with Learned Skill Priors*, CoRL 2020. Every
+function keeps the shape of its arguments (they broadcast) unless it says that it returns a mean or a sum.
+Discriminator outputs come in raw: they are clipped here, where a reward is made of them, and nowhere else.
 """
 
 import torch
@@ -100,3 +101,81 @@ def gradient_penalty(grad: Tensor) -> Tensor:
     Source: AMP eq. 8 (which has the half).
     """
     return 0.5 * grad.square().sum(-1).mean()
+
+
+def gaussian_kl(loc: Tensor, scale: Tensor, other_loc: Tensor, other_scale: Tensor) -> Tensor:
+    """KL(N(loc, scale) || N(other_loc, other_scale)) of diagonal Gaussians, summed over their dimensions.
+
+    Args:
+        loc: (..., D), scale: (..., D) deviations, > 0; so of the other.
+
+    Returns:
+        (...), >= 0.
+
+    Source: SPiRL, the divergences of eq. 1, 2 and 4.
+    """
+    ratio = (scale / other_scale).square()
+    shift = ((loc - other_loc) / other_scale).square()
+    return 0.5 * (ratio + shift - 1.0 - ratio.log()).sum(-1)
+
+
+def skill_reconstruction_loss(decoded: Tensor, actions: Tensor) -> Tensor:
+    """Minus the log likelihood of the actions under unit Gaussians around the decoded ones, less its constant.
+
+    Args:
+        decoded: (..., H, A), actions: (..., H, A).
+
+    Returns:
+        A scalar, the mean over all of them, as in the code released with SPiRL: its beta is relative to that.
+
+    Source: SPiRL, eq. 1, first term.
+    """
+    return 0.5 * (decoded - actions).square().mean()
+
+
+def skill_regularisation_loss(loc: Tensor, scale: Tensor, beta: float) -> Tensor:
+    """beta KL(q(z | a) || N(0, 1)).
+
+    Args:
+        loc: (..., Z), scale: (..., Z), of the posterior q.
+        beta: its weight.
+
+    Returns:
+        A scalar, the mean over windows.
+
+    Source: SPiRL, eq. 1, second term.
+    """
+    return beta * gaussian_kl(loc, scale, torch.zeros_like(loc), torch.ones_like(scale)).mean()
+
+
+def skill_prior_loss(loc: Tensor, scale: Tensor, prior_loc: Tensor, prior_scale: Tensor) -> Tensor:
+    """KL(stop(q(z | a)) || p(z | s)): the prior follows the posterior, and the posterior does not mind.
+
+    Args:
+        loc: (..., Z), scale: (..., Z), of the posterior q; no gradient reaches them.
+        prior_loc: (..., Z), prior_scale: (..., Z), of the prior p.
+
+    Returns:
+        A scalar, the mean over windows.
+
+    Source: SPiRL, section 3.2.
+    """
+    return gaussian_kl(loc.detach(), scale.detach(), prior_loc, prior_scale).mean()
+
+
+def prior_regularised_value(q: Tensor, divergence: Tensor, alpha: Tensor | float) -> Tensor:
+    """The value of a state, Q(s, z) - alpha KL(pi(z | s) || p(z | s)): what the policy maximises and Q looks ahead to.
+
+    Source: SPiRL, eq. 4 and algorithm 1; the KL stands where soft actor-critic has log pi.
+    """
+    return q - alpha * divergence
+
+
+def divergence_dual_loss(log_alpha: Tensor, divergence: Tensor, target_divergence: float) -> Tensor:
+    """Its descent raises alpha while the divergence exceeds its target and lowers it below.
+
+    log_alpha (target - divergence), no gradient to the divergence. In log alpha, as TorchRL's `SACLoss` has it.
+
+    Source: SPiRL, algorithm 1, the update of alpha.
+    """
+    return log_alpha * (target_divergence - divergence.detach())

@@ -1,4 +1,4 @@
-"""What changes networks: behaviour cloning, PPO, and the two discriminators.
+"""What changes networks: behaviour cloning, PPO, the two discriminators, and SPiRL's skill model and policy.
 
 An update is an object only because an optimiser has a memory; calling it with data is one update, and what it
 returns goes into the log. Its `state_dict` makes a run resumable.
@@ -13,6 +13,8 @@ from tstar_rl.updates.discriminator import (
 )
 from tstar_rl.updates.policy import PolicyUpdate, PPOSettings
 from tstar_rl.updates.return_scale import ReturnScale
+from tstar_rl.updates.skill_model import SkillModelTraining, held_out_windows, train_skill_model
+from tstar_rl.updates.skill_policy import SkillPolicySettings, SkillPolicyUpdate
 
 __all__ = [
     "BehaviourCloningSettings",
@@ -21,7 +23,12 @@ __all__ = [
     "PPOSettings",
     "PolicyUpdate",
     "ReturnScale",
+    "SkillModelTraining",
+    "SkillPolicySettings",
+    "SkillPolicyUpdate",
     "behaviour_cloning",
+    "held_out_windows",
     "make_d_omega_update",
     "make_f_phi_update",
+    "train_skill_model",
 ]

@@ -1,0 +1,143 @@
+"""What SPiRL learns of a task: the skill model, and the policy that chooses among its skills."""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import torch
+from tensordict import TensorDictBase
+from tensordict.nn import TensorDictModuleBase
+from torch import nn
+from torchrl.modules import ProbabilisticActor
+
+from tstar_rl import checkpoint
+from tstar_rl.features import RelativeFeatures
+from tstar_rl.normalizer import Normalizer
+from tstar_rl.skill import Skill
+from tstar_rl.skill_prior import (
+    SkillCritic,
+    SkillModel,
+    SkillModelSettings,
+    SkillPrior,
+    StateInput,
+    make_skill_actor,
+    make_skill_critic,
+)
+
+__all__ = ["SkillAgent", "SkillPolicy", "load_skill"]
+
+
+class SkillPolicy(TensorDictModuleBase):
+    """One step at a time: map from "observation", "step_count" to "skill", "action".
+
+    Every H steps of an episode the actor chooses a skill; it stays in the TensorDict, from step to step, until the next
+    choice. Sampling follows TorchRL's `set_exploration_type`.
+
+    Args:
+        actor: "observation" -> "skill".
+        decoder: skill, observation, step in 0 .. H-1 -> action.
+        horizon: H.
+    """
+
+    def __init__(self, actor: ProbabilisticActor, decoder: nn.Module, horizon: int) -> None:
+        super().__init__()
+        self.in_keys, self.out_keys = ["observation", "step_count"], ["skill", "action"]
+        self.actor, self.decoder, self.horizon = actor, decoder, horizon
+
+    def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
+        """tensordict: batch [N] -> the same with "skill" (N, Z) and "action" (N, 9)."""
+        step = tensordict["step_count"].squeeze(-1) % self.horizon
+        skill, chosen = tensordict.get("skill", None), self.actor(tensordict.select("observation"))["skill"]
+        skill = chosen if skill is None else torch.where((step == 0).unsqueeze(-1), chosen, skill)
+        action = self.decoder(skill, tensordict["observation"], step)
+        return tensordict.set("skill", skill).set("action", action)
+
+
+class SkillAgent:
+    """Skill model, actor and critic of one task or subtask.
+
+    Args:
+        task: furniture.
+        subtask: 0-based; None for the whole task.
+        settings: of the skill model.
+        critic_hidden: sizes of the critic.
+        geometry: what `FurnitureEnv.features(subtask)` gives, if the networks are to see `RelativeFeatures`.
+    """
+
+    def __init__(
+        self,
+        task: str,
+        subtask: int | None,
+        settings: SkillModelSettings,
+        critic_hidden: tuple[int, ...] = (256, 256),
+        geometry: dict[str, Any] | None = None,
+    ) -> None:
+        self.task, self.subtask, self.settings = task, subtask, settings
+        self.critic_hidden, self.geometry = critic_hidden, geometry
+        self.normalizer = Normalizer()
+        state = StateInput(self.normalizer, RelativeFeatures(geometry) if geometry is not None else None)
+        self.model = SkillModel(settings, state)
+        self.network = SkillPrior(settings, state)
+        self.actor = make_skill_actor(self.network)
+        self.critic = make_skill_critic(SkillCritic(settings, critic_hidden, state))
+        self.policy = SkillPolicy(self.actor, self.model.decoder, settings.horizon)
+
+    def start_from_prior(self) -> None:
+        """Makes the policy equal to the prior. Source: SPiRL's appendix."""
+        self.network.load_state_dict(self.model.prior.state_dict())
+
+    def state_dict(self) -> dict[str, Any]:
+        """Networks, with the normaliser inside."""
+        modules = {"model": self.model, "network": self.network, "critic": self.critic}
+        return {name: dict(module.state_dict()) for name, module in modules.items()}
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """What `state_dict` gave."""
+        self.model.load_state_dict(state["model"])
+        self.network.load_state_dict(state["network"])
+        self.critic.load_state_dict(state["critic"])
+
+    def save(self, path: str | Path, **record: Any) -> None:
+        """Writes the agent, and beside it plain values that say what it is."""
+        geometry = self.geometry and {
+            key: value.tolist() if isinstance(value, torch.Tensor) else value
+            for key, value in self.geometry.items()
+        }
+        built = {
+            "settings": asdict(self.settings),
+            "critic_hidden": list(self.critic_hidden),
+            "geometry": geometry,
+        }
+        record = {"task": self.task, "subtask": self.subtask, "built": built, **record}
+        checkpoint.save(path, {"agent": self}, record)
+
+    @classmethod
+    def load(cls, path: str | Path, **expected: Any) -> "SkillAgent":
+        """Builds the agent saved at `path`.
+
+        Raises:
+            FileNotFoundError: if there is none.
+            CheckpointMismatchError: if what is `expected` (task=..., subtask=...) is not what it was saved with.
+        """
+        record = checkpoint.read_record(path, **expected)
+        built = record["built"]
+        sizes = {k: tuple(v) if isinstance(v, list) else v for k, v in built["settings"].items()}
+        geometry = built["geometry"] and {
+            key: torch.tensor(value) if isinstance(value, list) else value
+            for key, value in built["geometry"].items()
+        }
+        agent = cls(
+            record["task"],
+            record["subtask"],
+            SkillModelSettings(**sizes),
+            tuple(built["critic_hidden"]),
+            geometry,
+        )
+        checkpoint.load(path, {"agent": agent}, **expected)
+        return agent
+
+
+def load_skill(path: str | Path, **expected: Any) -> Skill | SkillAgent:
+    """What a recipe saved at `path`, whichever of the two it is; raises what their `load` does."""
+    built = checkpoint.read_record(path)["built"]
+    return (SkillAgent if "critic_hidden" in built else Skill).load(path, **expected)
