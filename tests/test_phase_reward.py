@@ -189,6 +189,13 @@ def test_half_a_bonus_is_paid_once_for_lifting(task):
     assert_close(reward(task, 4, lifted, grip=1.0, half_paid=True)[0], 10 * 500 * 0.011 + 1.0)
 
 
+@pytest.mark.parametrize("rise", [0.05, 0.27])
+def test_off_the_ground_is_a_centimetre_wherever_the_lift_point_is(rise):
+    lift_point, rise = row(0.0, 0.0, 0.03 + rise), torch.tensor([rise], dtype=torch.float64)
+    assert not phase_reward.off_ground(scene(part=row(0, 0, 0.0399)), lift_point, rise).item()
+    assert phase_reward.off_ground(scene(part=row(0, 0, 0.0401)), lift_point, rise).item()
+
+
 def test_a_dropped_part_costs_and_gains_nothing(task):
     nearer, farther = scene(part=row(0.1, 0.2, 0.015)), scene(part=row(0.1, 0.2, 0.005))
     assert_close(reward(task, 4, nearer, grip=1.0)[0], 1.0 - 20.0)

@@ -17,8 +17,9 @@ from tstar_envs.scene import SUBSTEPS, build_model
 from tstar_envs.settings import TaskSettings
 from tstar_envs.state_edit import StateEditor
 from tstar_envs.tasks.assembly import NUM_ACTIONS, Assembly, assign
+from tstar_envs.tasks.phase_reward import PHASES
 
-NUM_OBSERVATIONS_ROBOT, NUM_PHASES = 29, 8
+NUM_OBSERVATIONS_ROBOT = 29
 
 
 class BatchedEnvironment:
@@ -42,10 +43,11 @@ class BatchedEnvironment:
         settings: TaskSettings | Mapping[str, Any] | None = None,
     ):  # fmt: skip
         self.name, self.furniture = name, library.load(name)
-        if subtask is not None and not 0 <= subtask < len(self.furniture.steps):
+        whole_number = isinstance(subtask, int) and not isinstance(subtask, bool)
+        if subtask is not None and not (whole_number and 0 <= subtask < len(self.furniture.steps)):
             raise ValueError(
                 f"subtask of {name} must be None (the whole task) or in 0..{len(self.furniture.steps) - 1}, "
-                f"got {subtask}"
+                f"got {subtask!r}"
             )
         if num_sims < 1:
             raise ValueError(f"the number of simulations must be at least 1, got {num_sims}")
@@ -73,7 +75,7 @@ class BatchedEnvironment:
 
     @property
     def num_observations(self) -> int:
-        return NUM_OBSERVATIONS_ROBOT + 7 * len(self.furniture.parts) + NUM_PHASES
+        return NUM_OBSERVATIONS_ROBOT + 7 * len(self.furniture.parts) + len(PHASES)
 
     @property
     def arguments(self) -> dict[str, Any]:
@@ -98,6 +100,7 @@ class BatchedEnvironment:
             ValueError: a snapshot is at another subtask than the environment's, or has nothing left to assemble.
         """
         mask = self._all() if mask is None else mask
+        self._check_batch(snapshot)
         self._check_subtask(snapshot["task", "subtask"][mask])
         self.restore(snapshot, mask)
         self.task.begin_subtask(self.state, mask)
@@ -143,10 +146,7 @@ class BatchedEnvironment:
 
     def restore(self, snapshot: TensorDict, mask: Tensor | None = None) -> None:
         """Puts the simulations of `mask` into the states of `snapshot` (batch N)."""
-        if snapshot.batch_size != torch.Size([self.num_sims]):
-            raise ValueError(
-                f"a snapshot of {self.num_sims} simulations is needed, got {tuple(snapshot.batch_size)}"
-            )
+        self._check_batch(snapshot)
         mask = self._all() if mask is None else mask
         self.physics.set_state(snapshot["physics"], snapshot["welds"], mask)
         assign(self.state, snapshot["task"].select(*self.state.keys()), mask)
@@ -158,6 +158,12 @@ class BatchedEnvironment:
     def with_qpos(self, snapshot: TensorDict, qpos: Tensor) -> tuple[TensorDict, Tensor]:
         """Snapshots [n] at positions (n, nq), and which are possible, (n,); see `state_edit`."""
         return self._editor.with_qpos(snapshot, qpos)
+
+    def _check_batch(self, snapshot: TensorDict) -> None:
+        if snapshot.batch_size != torch.Size([self.num_sims]):
+            raise ValueError(
+                f"a snapshot of {self.num_sims} simulations is needed, got {tuple(snapshot.batch_size)}"
+            )
 
     def _check_subtask(self, found: Tensor) -> None:
         wrong = found >= self.num_subtasks if self.subtask is None else found != self.subtask

@@ -19,6 +19,7 @@ from tstar_envs.tasks import phase_reward
 from tstar_envs.tasks.episode_start import EpisodeStarts
 from tstar_envs.tasks.phase_reward import Scene
 from tstar_envs.tasks.recipe_tables import RecipeTables
+from tstar_envs.tasks.task import BatchedTask
 
 NUM_ACTIONS = sawyer.NUM_JOINTS + 2
 GRIPPER, CONNECT = sawyer.NUM_JOINTS, sawyer.NUM_JOINTS + 1
@@ -26,7 +27,7 @@ DISTURBED = 0.1
 _ROBOT_QPOS = sawyer.NUM_JOINTS + 2
 
 
-class Assembly:
+class Assembly(BatchedTask):
     """The task over the simulations of `physics`; `subtask` is one step of the recipe, or None for all in a row."""
 
     def __init__(
@@ -205,7 +206,9 @@ class Assembly:
         )
         done = met.gather(-1, phase.unsqueeze(-1)).squeeze(-1) | connected
         paid = torch.where(connected, self._bonuses[-1], self._bonuses[phase]) * done
-        raised = (phase == 4) & ~state["half_paid"] & (scene.part[:, 2] > state["lift_point"][:, 2] - 0.09)
+        rise = self.tables.waypoint[self.step_index(state), 2]
+        off_ground = phase_reward.off_ground(scene, state["lift_point"], rise)
+        raised = (phase == 4) & ~state["half_paid"] & off_ground
         asking = 10.0 * (action[:, CONNECT] + 1) * ((phase == 7) & scene.alignment.aligned & ~connected)
         bonus = paid + 0.5 * self._bonuses[4] * raised + asking - state["asked"] * connected
 

@@ -32,6 +32,8 @@ DIFFERENCE_SCALE = 10.0
 ABOVE, BELOW = 0.05, 0.015
 """Height of the way point above the grasp point, and of the grasping tip below it, m."""
 MIN_GRIP_COSINE = 0.95
+OFF_GROUND = 0.01
+"""Height above its start at which a lifted part earns half a bonus, m."""
 
 
 class Scene(NamedTuple):
@@ -142,6 +144,11 @@ def conditions(
         ],
         dim=-1,
     )
+
+
+def off_ground(scene: Scene, lift_point: Tensor, rise: Tensor) -> Tensor:
+    """Whether the part is a centimetre above where it lay, (N,) bool; the lift point is `rise` (N,), m, above that."""
+    return scene.part[:, 2] > lift_point[:, 2] - rise + OFF_GROUND
 
 
 def grip_penalty(scene: Scene, phase: Tensor) -> Tensor:
