@@ -13,7 +13,7 @@ from tstar_rl.configuration import recipe
 from tstar_rl.logging import run_path
 from tstar_rl.side_by_side import Step, run_recipe, run_side_by_side
 
-OWN = ("processes", "systems", "subtask")  # values that only this recipe knows
+OWN = ("processes", "systems", "only", "subtask", "video")  # values that only this recipe knows
 
 
 @recipe("baselines")
@@ -22,16 +22,17 @@ def main(config: DictConfig) -> None:
     given = HydraConfig.get().overrides.task
     shared = [value for value in given if value.split("=")[0].split(".")[0] not in (*OWN, "scale")]
     shared.insert(0, f"scale={HydraConfig.get().runtime.choices['scale']}")
-    lanes = [_lane(system, values) for system, values in config.systems.items() if not _done(config, system)]
+    wanted = [system for system in config.only or config.systems if not _done(config, system)]
+    lanes = [_lane(config, system) for system in wanted]
     if lanes:
         run_recipe(("make_demonstrations", "whole=true"), shared)
         run_side_by_side(lanes, shared, config.processes)
 
 
-def _lane(system: str, values: list[str]) -> list[Step]:
-    """The steps of one baseline; `values` are its recipe and what that is given."""
-    name, *own = values
-    return [(name, f"system={system}", *own), ("evaluate", f"system={system}")]
+def _lane(config: DictConfig, system: str) -> list[Step]:
+    """The steps of one baseline."""
+    name, *own = config.systems[system]
+    return [(name, f"system={system}", *own), ("evaluate", f"system={system}", f"video={config.video}")]
 
 
 def _done(config: DictConfig, system: str) -> bool:
