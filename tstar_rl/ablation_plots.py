@@ -157,7 +157,7 @@ def ablation_bars(rows: pd.DataFrame) -> Figure:
             places = [list(part.index).index(name) for name in seeds["variant"]]
             panel.plot(places, seeds[measure], "k.", markersize=5)
             panel.set(title=f"{task}: {measure}", ylim=(0, 1.05))
-            panel.tick_params(axis="x", rotation=30)
+            plt.setp(panel.get_xticklabels(), rotation=30, ha="right")
             panel.grid(axis="y", alpha=0.3)
     figure.tight_layout()
     plt.close(figure)
