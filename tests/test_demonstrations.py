@@ -5,8 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from omegaconf import OmegaConf
 from tensordict import TensorDict
 
+from tstar_rl.configuration import load_demonstrations
 from tstar_rl.demonstrations import DemonstrationError, Demonstrations
 
 
@@ -42,6 +44,25 @@ def test_they_come_back(demonstrations, path):
         assert torch.equal(getattr(back, name), getattr(demonstrations, name))
     assert (back.snapshots == demonstrations.snapshots).all()
     assert [file.name for file in path.parent.iterdir()] == ["some.npz"]
+
+
+def test_those_of_another_world_are_refused_unless_they_may_differ(demonstrations, tmp_path):
+    place = tmp_path / "table_lack" / "subtask2_noisy.npz"
+    config = {"task": {"name": "table_lack"}, "demonstrations_dir": str(tmp_path)}
+    config |= {
+        "demonstrations": {"kind": "noisy", "may_differ": []},
+        "env": {"velocity_scale": 0.4, "snap": True},
+    }
+    config = OmegaConf.create(config)
+    demonstrations.arguments["snap"] = False
+    demonstrations.save(place)
+    with pytest.raises(DemonstrationError, match="snap was False when it was saved, and is True now"):
+        load_demonstrations(config, 2)
+    config.demonstrations.may_differ = ["snap"]
+    assert len(load_demonstrations(config, 2)) == 2
+    config.env.velocity_scale = 1.0
+    with pytest.raises(DemonstrationError, match=r"velocity_scale was 0\.4"):
+        load_demonstrations(config, 2)
 
 
 def test_a_truncated_file(path):

@@ -115,6 +115,9 @@ def test_progress_is_the_mean_share_of_subtasks():
     row = summarize(last, 4, None)
     assert row["progress"] == pytest.approx(7 / 16) and row["success"] == 0.25
     assert [row[f"subtask_{k}"] for k in range(4)] == [0.75, 0.5, 0.25, 0.25]
+    shorter = summarize(last, 4, None, links=2)  # done: 2, 2, 1, 0 of two
+    assert shorter["progress"] == pytest.approx(5 / 8) and shorter["success"] == 0.5
+    assert [shorter["subtask_0"], shorter["subtask_1"]] == [0.75, 0.5] and math.isnan(shorter["subtask_2"])
 
 
 def test_run_episodes_gives_the_last_step_of_each_first_episode(make_env, policy):

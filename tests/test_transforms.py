@@ -11,6 +11,7 @@ from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
 from torchrl.envs import Compose, SerialEnv, StepCounter, TransformedEnv
 from torchrl.envs.utils import check_env_specs
 
+from tstar_rl.starts import MixedStarts
 from tstar_rl.transforms import (
     ConstantBonus,
     EpisodeStart,
@@ -56,6 +57,7 @@ TRANSFORMS = {
     "RewardMixture": (lambda: RewardMixture(lambda_2=0.0), "reward", True),
     "EpisodeStart": (EpisodeStart, "start_observation", False),
     "SkillChainReset": (lambda: SkillChainReset(FixedStarts()), None, False),
+    "SkillChainReset mixed": (lambda: SkillChainReset(MixedStarts([FixedStarts()] * 2, [1, 7])), None, False),
 }
 contract = pytest.mark.parametrize("name", TRANSFORMS)
 

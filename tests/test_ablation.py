@@ -1,0 +1,159 @@
+"""Ablations: what their files say, what is run of them, and the figures that are made of their tables."""
+
+import math
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from hydra import compose, initialize_config_dir
+from hydra.errors import MissingConfigException
+
+from tstar_rl import ablation, ablation_plots, side_by_side
+from tstar_rl.ablation import SKILLS
+from tstar_rl.configuration import CONFIGS, chain_length
+from tstar_rl.plotting import ablation_finding, ablation_table, load_ablation
+from tstar_rl.starts import check_shares
+
+ROOT = Path(__file__).resolve().parent.parent
+VARIANTS = [variant for name in ablation.names() for variant in ablation.read(name).variants]
+TWO = {"reference": "a", "variants": [{"name": "a", "system": "tstar"}, {"name": "b", "system": "tstar"}]}
+
+
+@pytest.mark.parametrize("variant", VARIANTS, ids=lambda variant: variant.place)
+def test_every_variant_is_a_config_of_training_and_of_evaluation(variant):
+    values = ["scale=ablation", f"system={variant.place}", f"skills={SKILLS}", *variant.overrides]
+    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
+        assert 2 <= chain_length(compose("recipe/evaluate", values)) <= 4
+        if variant.trains:
+            config = compose(f"recipe/{variant.system}", values)
+            check_shares(config.chain.starts)
+            assert config.skills == SKILLS and not config.networks.features
+
+
+def test_the_same_run_is_made_once():
+    paper = ablation.read("lambda_3").variant("paper")
+    buffer = ablation.read("starts").variant("buffer")
+    assert paper.first() == buffer.first() == ablation.read("d_omega").variant("tstar")
+    assert ablation.read("d_omega").variant("no_bonus").first().overrides == ("reward.lambda_3=0.0",)
+    constant = ablation.read("d_omega").variant("constant")
+    assert constant.first() == constant and constant.source() == ablation.read("d_omega").variant("tstar")
+    firsts = {variant.first() for variant in VARIANTS}
+    assert all(first.first() == first for first in firsts) and len(firsts) < len(VARIANTS)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"reference": "c"}, "ablation x has no variant 'c'; it has a, b"),
+        (
+            {"variants": [*TWO["variants"], {"name": "c", "system": "tstar", "bonus_of": "d"}]},
+            "no variant 'd'",
+        ),
+        ({"variants": [*TWO["variants"], {"name": "a", "system": "tstar"}]}, "same name; it has a, b, a"),
+        ({"variants": [{"name": "a", "sytem": "tstar"}]}, "no sytem; it has name, system, overrides"),
+        ({"variants": [{"name": "a", "system": "no_finetuning"}]}, "call it no_finetuning"),
+    ],
+)
+def test_mistakes_in_a_file_are_named(change, message):
+    with pytest.raises(ValueError, match=message):
+        ablation.parse("x", {**TWO, **change})
+
+
+def test_an_unknown_ablation_is_named():
+    with (
+        initialize_config_dir(str(CONFIGS), version_base="1.3"),
+        pytest.raises(MissingConfigException, match=r"(?s)ablation/lamda_3.*d_omega.*lambda_3"),
+    ):
+        compose("recipe/ablate", ["ablation=lamda_3"])
+    with pytest.raises(ValueError, match="no ablation 'lamda_3'.* there are d_omega, lambda_3, links"):
+        ablation.read("lamda_3")
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        (["ablation=lambda_3", "variants=[zeros]"], "has no variant 'zeros'; it has no_finetuning, zero"),
+        (["ablation=lambda_3", "chain.links=1"], "chain.links must be null or in 2..4 for table_lack, got 1"),
+    ],
+)
+def test_mistakes_are_named_before_anything_runs(values, message, tmp_path):
+    places = [f"{name}={tmp_path}" for name in ("results_dir", "runs_dir", "demonstrations_dir")]
+    environ = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "envs")])}
+    command = [sys.executable, str(ROOT / "recipes" / "ablate.py"), *places, *values]
+    done = subprocess.run(command, env=environ, capture_output=True, text=True, check=False)
+    assert done.returncode and message in done.stderr and not list(tmp_path.iterdir())
+
+
+def test_a_step_that_fails_ends_its_lane_alone(monkeypatch):
+    done = []
+
+    def run_recipe(step, shared, line):
+        if step == ("bad",):
+            raise SystemExit("this step failed: bad")
+        done.append(step[0])
+
+    monkeypatch.setattr(side_by_side, "run_recipe", run_recipe)
+    lanes = [[("a",), ("bad",), ("never",)], [("b",), ("c",)]]
+    with pytest.raises(SystemExit, match="this step failed: bad"):
+        side_by_side.run_side_by_side(lanes, [], 1)
+    assert done == ["a", "b", "c"]
+
+
+def test_the_mean_bonus_leaves_out_rows_without_a_success(tmp_path):
+    pd.DataFrame({"tsr_on_success": [0.2, None, 0.6]}).to_csv(tmp_path / "metrics.csv")
+    assert side_by_side.mean_bonus(tmp_path / "metrics.csv") == 0.4
+
+
+def test_deviation_of_progress_by_hand():
+    # Half of the episodes do 1 of 2 subtasks, half do both: progress 0.5 or 1, a deviation of 0.25.
+    assert ablation_plots.progress_deviation([1.0, 0.5]) == pytest.approx(0.25)
+    # One subtask done in 30%: sqrt(0.3 x 0.7).
+    assert ablation_plots.progress_deviation([0.3]) == pytest.approx(math.sqrt(0.21))
+    assert ablation_plots.progress_deviation([1.0, 1.0, 0.0]) == 0.0
+
+
+def tables(root: Path, **progress: list[float]) -> pd.DataFrame:
+    """Of variants of `lambda_3`: one subtask's share, a number for each seed."""
+    for variant, shares in progress.items():
+        for seed, share in enumerate(shares):
+            folder = root / "table_lack" / "ablations" / "lambda_3" / variant / f"seed{seed}"
+            folder.mkdir(parents=True)
+            row = {"checkpoint": "last", "mode": "deterministic", "episodes": 100, "seed": seed}
+            row |= {"progress": share, "success": share, "subtask_0": share, "subtask_1": None}
+            pd.DataFrame([row]).to_csv(folder / "evaluation.csv", index=False)
+    return load_ablation("lambda_3", root)
+
+
+def test_the_wider_interval_counts(tmp_path, capsys):
+    table = ablation_table(tables(tmp_path, zero=[0.5], paper=[0.4, 0.6], large=[0.5, 0.5])).loc["table_lack"]
+    # One seed, 100 episodes: 1.96 x sqrt(0.25 / 100). Two that differ by 0.2: t of 12.706 x 0.1 x sqrt(2) / sqrt(2).
+    assert table.loc["zero", "progress_high"] == pytest.approx(0.598)
+    assert table.loc["paper", "progress_low"] == 0.0 and table.loc["paper", "progress_high"] == 1.0
+    # Two that agree: episodes alone, 200 of them.
+    assert table.loc["large", "progress_high"] == pytest.approx(0.5 + 0.098 / math.sqrt(2))
+    assert list(table.index) == ["zero", "paper", "large"] and table.loc["paper", "episodes"] == 200
+    out = capsys.readouterr().out
+    assert "No table yet of no_finetuning, small" in out and "recipes/ablate.py ablation=lambda_3" in out
+
+
+def test_the_finding_follows_the_table(tmp_path):
+    finding = ablation_finding(
+        tables(tmp_path, zero=[0.2, 0.25], small=[0.6], paper=[0.5, 0.55], large=[0.4, 0.8])
+    )
+    lines = finding.splitlines()
+    assert lines[0] == "table_lack, 2 seeds, differences in progress:"
+    # Seeds agree on -0.3: over episodes, 1.96 sqrt(0.16 + 0.1875 + 0.25 + 0.2475) / 20 = 0.090.
+    assert lines[1] == "  zero against paper: -0.300 +- 0.090, lower"
+    # On seed 0 alone: 1.96 sqrt(0.24 + 0.25) / 10.
+    assert lines[2] == "  small against paper: +0.100 +- 0.137, not told apart"
+    assert lines[3].endswith("not told apart")  # -0.1 and +0.25
+
+
+def test_a_finding_without_tables_says_what_makes_them(tmp_path):
+    finding = ablation_finding(load_ablation("lambda_3", tmp_path))
+    assert (
+        finding == "No finding yet. This makes the tables: python recipes/ablate.py ablation=lambda_3 seed=0"
+    )

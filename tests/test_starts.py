@@ -1,0 +1,117 @@
+"""Mixtures of starts draw by their shares, and say what is wrong with them."""
+
+import pytest
+import torch
+from tensordict import TensorDict, assert_close
+
+from tstar_rl.collection import with_starts
+from tstar_rl.starts import MixedStarts, check_shares, gaussian_counts, make_starts
+from tstar_rl.state_sets import TerminalGaussian, TerminationSet
+
+
+def seeded(seed: int = 0) -> torch.Generator:
+    return torch.Generator().manual_seed(seed)
+
+
+def snapshots(positions: torch.Tensor) -> TensorDict:
+    """Of `PointEnv`, at positions (n,)."""
+    n = len(positions)
+    physics = torch.zeros(n, 4, dtype=torch.float64)
+    physics[:, 0] = positions
+    task = TensorDict({"steps": torch.zeros(n, dtype=torch.int64)}, [n])
+    welds = torch.zeros(n, 2, 11, dtype=torch.float64)
+    return TensorDict({"physics": physics, "welds": welds, "task": task}, [n])
+
+
+class At:
+    """Starts at one position; the n-th of a call has n in its second number."""
+
+    def __init__(self, position: float, empty: bool = False, as_rows: bool = False) -> None:
+        self.position, self.empty, self.as_rows = position, empty, as_rows
+
+    def sample(self, n, generator):
+        found = snapshots(torch.full((0 if self.empty else n,), self.position))
+        found["physics"][:, 1] = torch.arange(len(found), dtype=torch.float64)
+        return TensorDict({"snapshot": found}, found.batch_size) if self.as_rows else found
+
+
+def reached(position: float) -> TerminationSet:
+    states = TerminationSet(100)
+    found = snapshots(torch.full((20,), position))
+    states.extend(TensorDict({"observation": torch.zeros(20, 72), "snapshot": found}, [20]))
+    return states
+
+
+def test_sources_are_drawn_by_their_shares():
+    drawn = MixedStarts([At(0.25), At(0.75, as_rows=True)], [0.1, 0.7]).sample(8000, seeded())
+    assert drawn.batch_size == (8000,)
+    # 1 in 8 from the first: 1000, with a deviation of 30.
+    first = drawn["physics"][:, 0] == 0.25
+    assert 900 < int(first.sum()) < 1100 and (drawn["physics"][~first, 0] == 0.75).all()
+    # Sources are mixed row by row, and each row of a source is used once.
+    assert 400 < int(first[:4000].sum()) < 600
+    for rows in (first, ~first):
+        assert torch.equal(drawn["physics"][rows, 1], torch.arange(int(rows.sum())).double())
+
+
+def test_draws_follow_the_generator():
+    starts = MixedStarts([At(0.25), At(0.75)], [0.5, 0.5])
+    assert_close(starts.sample(50, seeded(1)), starts.sample(50, seeded(1)))
+    assert (starts.sample(50, seeded(1)) != starts.sample(50, seeded(2))).any()
+
+
+def test_while_a_source_is_empty_the_environment_begins(make_env):
+    starts = MixedStarts([At(0.25, empty=True), At(0.75)], [0.5, 0.5])
+    assert starts.sample(50, seeded()).batch_size == (0,)
+    env = with_starts(make_env(num_envs=40), starts, probability=1.0)
+    assert (env.reset()["observation"][:, 0] < 0.2).all()
+
+
+def test_episodes_begin_in_the_shares_of_the_released_code(make_env):
+    base, states = make_env(num_envs=4000), reached(0.7)
+    source, probability = make_starts({"environment": 0.2, "gaussian": 0.1, "buffer": 0.7}, base, states)
+    assert isinstance(source, MixedStarts) and probability == pytest.approx(0.8)
+    assert source.shares.tolist() == pytest.approx([0.125, 0.875])
+    env = with_starts(base, source, probability, seed=0)
+    position = env.reset()["observation"][:, 0]
+    chained = int((position > 0.5).sum())
+    assert 3100 < chained < 3300  # 80%, with a deviation of 25
+    drawn = gaussian_counts(env)["gaussian_drawn"]
+    assert 340 < drawn < 460  # 10%, with a deviation of 19
+
+
+@pytest.mark.parametrize(
+    ("shares", "kind", "probability"),
+    [
+        ({"environment": 0.2, "buffer": 0.8}, TerminationSet, 0.8),
+        ({"environment": 0.2, "gaussian": 0.8}, TerminalGaussian, 0.8),
+        ({"environment": 1.0}, type(None), 0.0),
+        ({"buffer": 1.0}, TerminationSet, 1.0),
+    ],
+)
+def test_one_source_needs_no_mixture(shares, kind, probability, make_env):
+    source, share = make_starts(shares, make_env(), reached(0.7))
+    assert isinstance(source, kind) and share == pytest.approx(probability)
+
+
+def test_only_a_gaussian_counts(make_env):
+    assert gaussian_counts(with_starts(make_env(), reached(0.7))) == {}
+    assert gaussian_counts(with_starts(make_env())) == {}
+
+
+@pytest.mark.parametrize(
+    ("shares", "message"),
+    [
+        ({"enviroment": 1.0}, "no source enviroment; valid: environment, gaussian, buffer"),
+        ({"environment": 0.2, "buffer": 0.7}, r"sum to 1 \(chain.starts\), got .*'buffer': 0.7"),
+        ({"environment": 1.2, "buffer": -0.2}, "must not be negative"),
+    ],
+)
+def test_wrong_shares_are_named(shares, message):
+    with pytest.raises(ValueError, match=message):
+        check_shares(shares)
+
+
+def test_a_mixture_needs_a_share_for_each_source():
+    with pytest.raises(ValueError, match=r"got 1 sources, shares \[0.5, 0.5\]"):
+        MixedStarts([At(0.25)], [0.5, 0.5])
