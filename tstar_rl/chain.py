@@ -19,6 +19,7 @@ __all__ = [
     "ChainPolicy",
     "chain_progress",
     "keep_better",
+    "load_chain",
     "save_chain",
     "seed_sets",
     "states",
@@ -79,6 +80,18 @@ def save_chain(skills: Sequence[Skill], path: Path, **record: Any) -> None:
     """Writes every skill of a chain to <path>/skill<i>, each with the record."""
     for index, skill in enumerate(skills):
         skill.save(path / f"skill{index}", **record)
+
+
+def load_chain(path: Path, **expected: Any) -> list[Skill]:
+    """What `save_chain` wrote to `path`; see `Skill.load` for what is expected.
+
+    Raises:
+        FileNotFoundError: if there is none.
+    """
+    folders = sorted(path.glob("skill*"))
+    if not folders:
+        raise FileNotFoundError(f"no chain at {path}")
+    return [Skill.load(folder, **expected) for folder in folders]
 
 
 def chain_progress(skills: Sequence[Skill], env: TransformedEnv) -> float:

@@ -18,6 +18,7 @@ from tstar_rl.ablation_plots import (
     load_ablation,
     load_ablation_metrics,
 )
+from tstar_rl.result_plots import hand_over_matrix, seed_curves, terminal_state_plane
 
 __all__ = [
     "ablation_bars",
@@ -25,11 +26,14 @@ __all__ = [
     "ablation_finding",
     "ablation_table",
     "evaluation_table",
+    "hand_over_matrix",
     "learning_curves",
     "load_ablation",
     "load_ablation_metrics",
     "read_evaluations",
     "read_metrics",
+    "seed_curves",
+    "terminal_state_plane",
 ]
 
 

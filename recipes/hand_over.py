@@ -1,0 +1,84 @@
+"""What a chain's skills hand over: success from where the skill before ends, against success from a skill's own starts.
+
+    python recipes/hand_over.py task=table_lack seed=0            # systems=[tstar]: one of the chains
+
+Fresh deterministic episodes. The chain is followed skill by skill: the states in which one succeeds are the next one's
+starts. Rows of one seed replace those of the same seed in <results_dir>/<task>/hand_over.csv; the picture beside it
+shows the mean over all seeds.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import torch
+from omegaconf import DictConfig
+from tensordict import TensorDictBase
+
+from tstar_rl.chain import load_chain, try_out
+from tstar_rl.collection import derive_seed
+from tstar_rl.configuration import environment, load_skills, recipe
+from tstar_rl.evaluation import wilson_interval
+from tstar_rl.logging import append_rows, run_path
+from tstar_rl.plotting import hand_over_matrix
+from tstar_rl.skill import Skill
+from tstar_rl.state_sets import TerminationSet
+
+
+@recipe("hand_over")
+def main(config: DictConfig) -> None:
+    """Tries every chain, writes and prints the table."""
+    rows = [row for system in config.systems for row in _follow(config, system, _skills(config, system))]
+    path = Path(config.results_dir) / config.task.name / "hand_over.csv"
+    table = append_rows(path, rows, ("system", "seed", "checkpoint", "subtask"))
+    print(table.round(3).to_string(index=False))
+    chosen = table[table.checkpoint == config.checkpoint]
+    print(hand_over_matrix(chosen, path.with_suffix(".png")))
+
+
+def _skills(config: DictConfig, system: str) -> list[Skill]:
+    if system == "no_finetuning":
+        return load_skills(config, config.checkpoint)
+    run = run_path(config.runs_dir, config.task.name, system, config.seed)
+    return load_chain(run / config.checkpoint, task=config.task.name)
+
+
+def _follow(config: DictConfig, system: str, skills: Sequence[Skill]) -> list[dict[str, Any]]:
+    """A row for each skill; what it was handed is empty where none before has succeeded."""
+    rows = []
+    before = TerminationSet(config.evaluation.episodes)
+    for index, skill in enumerate(skills):
+        row: dict[str, Any] = {"system": system, "seed": config.seed, "checkpoint": config.checkpoint}
+        row |= {"subtask": index, "episodes": config.evaluation.episodes}
+        own, last = _try(config, index, skill, None)
+        row |= _share("own_starts", own, config.evaluation.episodes)
+        reached = TerminationSet(config.evaluation.episodes)
+        if index and len(before):
+            handed, last = _try(config, index, skill, before)
+            row |= _share("handed_over", handed, config.evaluation.episodes)
+        if index == 0 or len(before):
+            reached.extend_from(last)
+        before = reached
+        rows.append(row)
+    return rows
+
+
+def _try(
+    config: DictConfig, index: int, skill: Skill, before: TerminationSet | None
+) -> tuple[float, TensorDictBase]:
+    """Success from the states of `before` alone, or from the skill's own starts; and the last steps."""
+    seed = derive_seed(config.seed, "evaluate", 2, index)
+    torch.manual_seed(seed)
+    env = environment(
+        config, index, config.evaluation.episodes, seed, before, snapshots=True, shares={"buffer": 1.0}
+    )
+    return try_out(skill, env)
+
+
+def _share(name: str, share: float, episodes: int) -> dict[str, float]:
+    low, high = wilson_interval(round(share * episodes), episodes)
+    return {name: share, f"{name}_low": low, f"{name}_high": high}
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,34 @@
+"""The paper's Figure 4: where the third skill ends while the chain is fine-tuned, T-STAR and Policy Sequencing.
+
+    python recipes/terminal_states.py task=table_lack
+
+Principal components of the parts' poses, one basis for all, coloured by the progress of training, and the trace of
+the covariance in each third of it: <results_dir>/<task>/terminal_states.png and terminal_states_spread.csv.
+"""
+
+from pathlib import Path
+
+from omegaconf import DictConfig
+
+from tstar_rl.configuration import recipe
+from tstar_rl.plotting import terminal_state_plane
+from tstar_rl.terminal_states import add_plane, read_terminal_states, spread
+
+
+@recipe("terminal_states")
+def main(config: DictConfig) -> None:
+    """Reads, draws and prints."""
+    table = read_terminal_states(config.results_dir, config.task.name, config.systems)
+    if table.empty:
+        found = f"no terminal_states.csv of {', '.join(config.systems)} below {config.results_dir}"
+        raise SystemExit(f"{found}/{config.task.name}: a chain logs it")
+    table, shares = add_plane(table)
+    place = Path(config.results_dir) / config.task.name
+    numbers = spread(table)
+    numbers.to_csv(place / "terminal_states_spread.csv", index=False)
+    print(numbers.to_string(index=False))
+    print(terminal_state_plane(table, shares, place / "terminal_states.png"))
+
+
+if __name__ == "__main__":
+    main()

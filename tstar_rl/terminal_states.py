@@ -1,0 +1,106 @@
+"""Where a skill ends while it is fine-tuned: the paper's Figure 4, with a number for how far the states spread.
+
+Reads the terminal_states.csv that chains log: one row a success, with the poses of all parts.
+"""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import pandas as pd
+import torch
+from torch import Tensor
+
+__all__ = ["add_plane", "pose_columns", "read_terminal_states", "spread"]
+
+THIRDS = 3
+
+
+def pose_columns(table: pd.DataFrame) -> list[str]:
+    """The columns that hold poses, in their order."""
+    return sorted((name for name in table if str(name).startswith("pose_")), key=lambda name: int(name[5:]))
+
+
+def read_terminal_states(root: str | Path, task: str, systems: Iterable[str]) -> pd.DataFrame:
+    """Every terminal_states.csv of a task's systems, with system, seed, and the progress of training in [0, 1] added.
+
+    Training counts from the first to the last rollout that was logged, in each run.
+    """
+    frames = []
+    for system in systems:
+        for file in sorted((Path(root) / task / system).glob("seed*/terminal_states.csv")):
+            rows = pd.read_csv(file)
+            steps = rows["env_steps"]
+            progress = (steps - steps.min()) / max(steps.max() - steps.min(), 1)
+            seed = int(file.parent.name.removeprefix("seed"))
+            frames.append(rows.assign(system=system, seed=seed, progress=progress))
+    return pd.concat(frames, ignore_index=True) if frames else pd.DataFrame()
+
+
+def one_sided(poses: Tensor) -> Tensor:
+    """Poses (n, 7 P) with each quaternion q or -q, whichever is nearer the main axis of its part's quaternions.
+
+    Both are the same turn; without a choice, a part that is turned by half a circle would seem to spread.
+    """
+    parts = poses.unflatten(-1, (-1, 7)).clone()
+    for part in range(parts.shape[1]):
+        quaternions = parts[:, part, 3:]
+        axis = torch.linalg.eigh(quaternions.T @ quaternions).eigenvectors[:, -1]
+        parts[:, part, 3:] = quaternions * torch.where(quaternions @ axis < 0, -1.0, 1.0).unsqueeze(-1)
+    return parts.flatten(-2)
+
+
+def principal_plane(poses: Tensor) -> tuple[Tensor, Tensor]:
+    """The first two principal components of poses (n, D): coordinates (n, 2), and their shares of the variance (2,).
+
+    The sign of each component is such that its largest weight is positive.
+    """
+    centred = poses - poses.mean(0)
+    _, singular, axes = torch.linalg.svd(centred, full_matrices=False)
+    largest = axes.abs().argmax(1, keepdim=True)
+    axes = axes * axes.gather(1, largest).sign()
+    return centred @ axes[:2].T, (singular.square() / singular.square().sum().clamp_min(1e-30))[:2]
+
+
+def add_plane(table: pd.DataFrame) -> tuple[pd.DataFrame, list[float]]:
+    """The table with quaternions one-sided and columns x, y of one basis for all its rows; shares of the variance.
+
+    Raises:
+        ValueError: for fewer than three states.
+    """
+    if len(table) < 3:
+        raise ValueError(f"a plane through terminal states needs at least 3 of them, got {len(table)}")
+    columns = pose_columns(table)
+    poses = one_sided(torch.tensor(table[columns].to_numpy(), dtype=torch.float64))
+    plane, shares = principal_plane(poses)
+    table = table.assign(**dict(zip(columns, poses.T.numpy(), strict=True)))
+    return table.assign(x=plane[:, 0].numpy(), y=plane[:, 1].numpy()), shares.tolist()
+
+
+def _trace(poses: Tensor) -> float:
+    """Trace of the covariance of rows (n, D); nan for fewer than two."""
+    return float(poses.var(0).sum()) if len(poses) > 1 else float("nan")
+
+
+def spread(table: pd.DataFrame) -> pd.DataFrame:
+    """How far the states of each system and seed spread in each third of its training.
+
+    A third is a third of the rollouts that had a success. `spread` is the trace of the covariance of all poses
+    (positions in m, quaternions without unit), `spread_position` that of the positions, m^2.
+
+    Args:
+        table: from `add_plane`.
+    """
+    columns, lines = pose_columns(table), []
+    positions = [name for index, name in enumerate(columns) if index % 7 < 3]
+    for (system, seed, skill), rows in table.groupby(["system", "seed", "skill"], sort=False):
+        steps = torch.tensor(sorted(rows["env_steps"].unique()))
+        for third, part in enumerate(torch.tensor_split(steps, THIRDS)):
+            within = rows[rows["env_steps"].isin(part.tolist())]
+            traces = [_trace(torch.tensor(within[names].to_numpy())) for names in (columns, positions)]
+            ends = (int(part[0]), int(part[-1])) if len(part) else (0, 0)
+            lines.append(
+                {"system": system, "seed": seed, "skill": skill, "third": third + 1}
+                | {"env_steps_from": ends[0], "env_steps_to": ends[1], "states": len(within)}
+                | {"spread": traces[0], "spread_position": traces[1]}
+            )
+    return pd.DataFrame(lines)
