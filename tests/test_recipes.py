@@ -109,6 +109,14 @@ def test_an_evaluation_of_nothing_says_where_it_looked(tmp_path):
 
 
 @pytest.mark.slow
+def test_the_script_is_evaluated_as_policies_are(tmp_path):
+    done = run("evaluate_expert", *places(tmp_path, "script"), "subtask=1", "evaluation.episodes=8")
+    assert done.returncode == 0, done.stderr
+    table = pd.read_csv(tmp_path / "script/results/table_lack/expert/seed0/subtask1/evaluation.csv")
+    assert table.loc[0, ["checkpoint", "episodes", "success"]].tolist() == ["script", 8, 1.0]
+
+
+@pytest.mark.slow
 def test_baselines_of_the_whole_task_are_made_and_evaluated_once(tmp_path):
     small = ["demonstrations.episodes=4", "demonstrations.num_envs=8", "bc.epochs=1", "ppo.epochs=1"]
     small += ["training.num_envs=8", "training.total_steps=1024", "training.max_steps=25"]

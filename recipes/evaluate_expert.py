@@ -1,0 +1,42 @@
+"""How often the scripted assembler succeeds, a subtask and the whole task: what every learned policy is held against.
+
+python recipes/evaluate_expert.py task=table_lack seed=0          # env.velocity_scale=1.0, env.preassembled=ideal, ...
+"""
+
+from pathlib import Path
+
+import torch
+from omegaconf import DictConfig
+
+from tstar_rl.collection import derive_seed
+from tstar_rl.configuration import environment, recipe
+from tstar_rl.evaluation import Recorder, evaluate
+from tstar_rl.logging import append_rows, run_path
+
+
+@recipe("evaluate_expert")
+def main(config: DictConfig) -> None:
+    """Evaluates the whole task and each subtask, or the one asked for; adds rows to their evaluation.csv."""
+    asked = [None, *range(config.task.subtasks)] if config.subtask is None else [config.subtask]
+    for subtask in asked:
+        number = config.evaluation.whole_episodes if subtask is None else config.evaluation.episodes
+        seed = derive_seed(config.seed, "evaluate", 0, subtask)
+        torch.manual_seed(seed)
+        recorded = min(config.evaluation.recorded, number) if config.video else 0
+        env = environment(config, subtask, number, seed, snapshots=recorded > 0)
+        recorder = Recorder(env.base_env, recorded)
+        row = evaluate(env.base_env.expert(), env, each_step=recorder)
+        results = run_path(config.results_dir, config.task.name, config.system, config.seed, subtask)
+        spent = {"env_steps": 0, "minutes": 0.0, "seed": config.seed}
+        _write(results, {"checkpoint": "script", "mode": "deterministic", **row, **spent})
+        recorder.write(results)
+
+
+def _write(results: Path, row: dict) -> None:
+    table = append_rows(results / "evaluation.csv", [row], ("checkpoint", "mode", "seed"))
+    print(table.round(3).to_string(index=False))
+    print(results / "evaluation.csv")
+
+
+if __name__ == "__main__":
+    main()
