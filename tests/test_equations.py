@@ -1,5 +1,7 @@
 """Every equation on numbers worked by hand."""
 
+import math
+
 import torch
 from torch.testing import assert_close
 
@@ -50,3 +52,55 @@ def test_initiation_set_loss():
 def test_gradient_penalty_is_half_the_mean_squared_norm():
     grad = torch.tensor([[3.0, 4.0], [0.0, 1.0]])  # squared norms 25 and 1
     assert_close(equations.gradient_penalty(grad), torch.tensor(6.5))
+
+
+def test_gaussian_kl_of_diagonal_gaussians():
+    # In one dimension: ln(s2 / s1) + (s1^2 + (m1 - m2)^2) / (2 s2^2) - 1/2.
+    # The first: ln 2 + (1 + 1) / 8 - 1/2; the second: equal.
+    kl = equations.gaussian_kl(
+        torch.tensor([[1.0, 3.0]]),
+        torch.tensor([[1.0, 0.5]]),
+        torch.tensor([[2.0, 3.0]]),
+        torch.tensor([[2.0, 0.5]]),
+    )
+    assert_close(kl, torch.tensor([math.log(2) - 0.25]))
+    # The order matters: ln(1/2) + (4 + 1) / 2 - 1/2 the other way round.
+    back = equations.gaussian_kl(*(torch.tensor([x]) for x in (2.0, 2.0, 1.0, 1.0)))
+    assert_close(back, torch.tensor(2.0 - math.log(2)))
+
+
+def test_skill_reconstruction_is_half_the_mean_squared_error():
+    loss = equations.skill_reconstruction_loss(torch.tensor([[1.0, 2.0]]), torch.tensor([[0.0, 0.0]]))
+    assert_close(loss, torch.tensor(1.25))  # 0.5 (1 + 4) / 2
+
+
+def test_skill_regularisation_is_beta_times_the_divergence_from_a_unit_gaussian():
+    loss = equations.skill_regularisation_loss(
+        torch.tensor([[1.0, 0.0], [0.0, 0.0]]), torch.ones(2, 2), beta=0.1
+    )
+    assert_close(loss, torch.tensor(0.025))  # (1/2 + 0) / 2 windows, times 0.1
+
+
+def test_the_skill_prior_follows_and_the_posterior_does_not_mind():
+    loc, prior_loc = torch.tensor([[1.0]], requires_grad=True), torch.tensor([[3.0]], requires_grad=True)
+    one = torch.ones(1, 1)
+    loss = equations.skill_prior_loss(loc, one, prior_loc, one)
+    assert_close(loss.detach(), torch.tensor(2.0))  # (1 - 3)^2 / 2
+    loss.backward()
+    assert loc.grad is None
+    assert_close(prior_loc.grad, torch.tensor([[2.0]]))  # 3 - 1: downhill is towards the posterior
+
+
+def test_prior_regularised_value():
+    value = equations.prior_regularised_value(torch.tensor([3.0, 3.0]), torch.tensor([0.0, 4.0]), 0.5)
+    assert_close(value, torch.tensor([3.0, 1.0]))
+
+
+def test_alpha_rises_where_the_divergence_exceeds_its_target():
+    log_alpha = torch.tensor(0.5, requires_grad=True)
+    divergence = torch.tensor([7.0, 4.0], requires_grad=True)
+    loss = equations.divergence_dual_loss(log_alpha, divergence, 5.0)
+    assert_close(loss.detach(), torch.tensor([-1.0, 0.5]))  # 0.5 (5 - 7), 0.5 (5 - 4)
+    loss[0].backward()
+    assert_close(log_alpha.grad, torch.tensor(-2.0))  # descent raises it
+    assert divergence.grad is None

@@ -18,6 +18,7 @@ from tstar_rl.transforms import (
     GAILReward,
     RewardMixture,
     SkillChainReset,
+    SkillExecution,
     TerminalStateReward,
 )
 
@@ -48,6 +49,11 @@ class FixedStarts:
         return TensorDict({"physics": physics, "welds": welds, "task": task}, [n])
 
 
+def repeat(skill, observation, step):
+    """A decoder: the skill is its action, every time."""
+    return skill
+
+
 # name: (how to make it, what it writes below "next", whether loose steps will do)
 TRANSFORMS = {
     "GAILReward": (lambda: GAILReward(Slot()), "reward_gail", True),
@@ -58,6 +64,7 @@ TRANSFORMS = {
     "EpisodeStart": (EpisodeStart, "start_observation", False),
     "SkillChainReset": (lambda: SkillChainReset(FixedStarts()), None, False),
     "SkillChainReset mixed": (lambda: SkillChainReset(MixedStarts([FixedStarts()] * 2, [1, 7])), None, False),
+    "SkillExecution": (lambda: SkillExecution(repeat, 9, 2, skill_key="action"), "skill_steps", False),
 }
 contract = pytest.mark.parametrize("name", TRANSFORMS)
 

@@ -185,5 +185,5 @@ def make_skill_actor(network: SkillPrior) -> ProbabilisticActor:
 
 
 def make_skill_critic(network: SkillCritic) -> ValueOperator:
-    """ "observation", "skill" -> "state_action_value" (..., 1)."""
+    """Q as a module: "observation", "skill" -> "state_action_value" (..., 1)."""
     return ValueOperator(network, in_keys=["observation", "skill"], out_keys=["state_action_value"])

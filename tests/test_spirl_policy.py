@@ -1,0 +1,145 @@
+"""SPiRL's policy over skills: the regularised loss on numbers worked by hand, and its updates."""
+
+import copy
+
+import pytest
+import torch
+from spirl_agent import make_agent
+from tensordict import TensorDict
+from torch import nn
+from torch.testing import assert_close
+from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
+
+from tstar_rl.objectives import PriorRegularisedSACLoss
+from tstar_rl.skill_prior import make_skill_actor, make_skill_critic
+from tstar_rl.updates import SkillPolicySettings, SkillPolicyUpdate
+
+
+class Fixed(nn.Module):
+    """A Gaussian at the same place whatever the state, or a critic that is the sum of a skill."""
+
+    def __init__(self, loc, scale):
+        super().__init__()
+        self.loc, self.scale = nn.Parameter(torch.tensor(loc)), torch.tensor(scale)
+
+    def forward(self, obs):
+        return self.loc.expand(*obs.shape[:-1], -1), self.scale.expand(*obs.shape[:-1], -1)
+
+
+def make_loss(loc, scale, prior_loc, prior_scale, alpha, target=5.0):
+    class Constant(nn.Module):
+        def __init__(self):
+            super().__init__()
+            self.value = nn.Parameter(torch.tensor([2.0]))
+
+        def forward(self, obs, skill):
+            return self.value.expand(*obs.shape[:-1], 1)
+
+    loss = PriorRegularisedSACLoss(
+        make_skill_actor(Fixed(loc, scale)),
+        make_skill_critic(Constant()),
+        Fixed(prior_loc, prior_scale),
+        target,
+        alpha,
+    )
+    loss.make_value_estimator(gamma=0.9)
+    return loss
+
+
+class TestPriorRegularisedSAC:
+    batch = TensorDict(
+        {
+            "observation": torch.zeros(2, 72),
+            "skill": torch.zeros(2, 1),
+            "next": {
+                "observation": torch.zeros(2, 72),
+                "reward": torch.tensor([[1.0], [1.0]]),
+                "done": torch.tensor([[False], [True]]),
+                "terminated": torch.tensor([[False], [True]]),
+            },
+        },
+        [2],
+    )
+
+    def test_on_numbers_worked_by_hand(self):
+        # KL(N(1, 1) || N(3, 1)) = 2. V = 2 - 0.5 * 2 = 1. Targets 1 + 0.9 * 1 = 1.9 and, terminated, 1.
+        loss = make_loss([1.0], [1.0], [3.0], [1.0], alpha=0.5)
+        assert_close(loss._compute_target_v2(self.batch), torch.tensor([1.9, 1.0]))
+        out = loss(self.batch.clone())
+        assert_close(out["loss_actor"].detach(), torch.tensor(-1.0))
+        assert_close(out["entropy"], torch.tensor(-2.0))
+        assert_close(out["loss_alpha"].detach(), torch.log(torch.tensor(0.5)) * 3.0)  # log alpha (5 - 2)
+
+    def test_the_actor_is_drawn_to_the_prior(self):
+        loss = make_loss([1.0], [1.0], [3.0], [1.0], alpha=0.5)
+        loss(self.batch.clone())["loss_actor"].backward()
+        (grad,) = [p.grad for p in loss.actor_network_params.parameters()]
+        assert_close(grad, torch.tensor([-1.0]))  # alpha (1 - 3): descent goes up, to 3
+
+    def test_the_prior_is_not_trained(self):
+        agent = make_agent()
+        loss = PriorRegularisedSACLoss(agent.actor, agent.critic, agent.model.prior, 5.0)
+        own = {id(p) for p in loss.parameters()}
+        assert not own & {id(p) for p in agent.model.parameters()}
+
+    def test_a_target_that_is_not_positive_is_refused(self):
+        with pytest.raises(ValueError, match="must be positive, got 0"):
+            make_loss([1.0], [1.0], [3.0], [1.0], alpha=0.5, target=0)
+
+
+def transitions(agent, n=64):
+    """Skills of which the first number is the reward; every episode is one skill long."""
+    torch.manual_seed(1)
+    skill, yes = torch.randn(n, agent.settings.latent), torch.ones(n, 1, dtype=torch.bool)
+    following = {
+        "observation": torch.zeros(n, 72),
+        "reward": skill[:, :1].clone(),
+        "done": yes,
+        "terminated": yes,
+    }
+    buffer = TensorDictReplayBuffer(storage=LazyTensorStorage(n))
+    buffer.extend(TensorDict({"observation": torch.zeros(n, 72), "skill": skill, "next": following}, [n]))
+    return buffer
+
+
+class TestSkillPolicyUpdate:
+    settings = SkillPolicySettings(
+        first=32, minibatch=32, learning_rate=1e-2, target_divergence=1.0, alpha=0.5
+    )
+
+    def make(self, **changes):
+        agent = make_agent()
+        agent.start_from_prior()
+        settings = SkillPolicySettings(**{**vars(self.settings), **changes})
+        return agent, SkillPolicyUpdate(agent.actor, agent.critic, agent.model.prior, settings)
+
+    def test_the_policy_moves_to_what_pays(self):
+        agent, update = self.make()
+        for _ in range(3):
+            update(transitions(agent), 50)
+        loc, _ = agent.network(torch.zeros(1, 72))
+        prior_loc, _ = agent.model.prior(torch.zeros(1, 72))
+        assert loc[0, 0] > prior_loc[0, 0] + 0.2
+
+    @pytest.mark.parametrize(("target", "rises"), [(1e-3, True), (1e3, False)])
+    def test_alpha_goes_where_the_divergence_says(self, target, rises):
+        agent, update = self.make(target_divergence=target)
+        update(transitions(agent), 50)
+        assert (update.loss.log_alpha.exp() > 0.5) == rises
+
+    def test_it_waits_for_data_and_for_the_critics(self):
+        agent, update = self.make(first=100)
+        assert update(transitions(agent), 50) == {}
+        agent, update = self.make(critic_warmup=50)
+        before = [p.clone() for p in agent.network.parameters()]
+        update(transitions(agent), 50)
+        assert all(torch.equal(a, b) for a, b in zip(before, agent.network.parameters(), strict=True))
+
+    def test_it_goes_on_from_its_state(self):
+        agent, update = self.make()
+        update(transitions(agent), 10)
+        other, resumed = self.make()
+        other.load_state_dict(agent.state_dict())
+        resumed.load_state_dict(copy.deepcopy(update.state_dict()))  # as from a file
+        logs = [u(transitions(a), 10) for a, u in ((agent, update), (other, resumed))]
+        assert logs[0] == logs[1]
