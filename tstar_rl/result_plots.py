@@ -29,7 +29,7 @@ def _lines(axes: Axes, rows: pd.DataFrame, column: str, line: str | None) -> Non
         value = int(place[0])  # pyright: ignore[reportGeneralTypeIssues]
         label = None if value in labelled else f"{line or 'seed'} {value}"
         labelled.add(value)
-        axes.plot(run.env_steps, run[column], color=f"C{value}", linewidth=1, label=label)
+        axes.plot(run.env_steps, run[column], color=f"C{value}", marker=".", markersize=3, linewidth=1, label=label)
 
 
 def seed_curves(

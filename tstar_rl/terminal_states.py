@@ -17,7 +17,8 @@ THIRDS = 3
 
 def pose_columns(table: pd.DataFrame) -> list[str]:
     """The columns that hold poses, in their order."""
-    return sorted((name for name in table if str(name).startswith("pose_")), key=lambda name: int(name[5:]))
+    names = [str(name) for name in table if str(name).startswith("pose_")]
+    return sorted(names, key=lambda name: int(name.removeprefix("pose_")))
 
 
 def read_terminal_states(root: str | Path, task: str, systems: Iterable[str]) -> pd.DataFrame:

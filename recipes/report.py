@@ -1,0 +1,51 @@
+"""Writes docs/results.md, its figures, and the block of it that the README shows, from the tables below results/.
+
+    python recipes/report.py                    # figures=false: the text alone
+
+The paper's figures are read from docs/paper_results.yaml, what did not reproduce and why from docs/results_notes.md.
+"""
+
+import shutil
+from pathlib import Path
+
+from omegaconf import DictConfig
+
+from tstar_rl.configuration import recipe
+from tstar_rl.plotting import read_metrics, seed_curves
+from tstar_rl.report import curve_groups, replace_block, results_head, results_page
+
+COLUMNS = {
+    "skills": ("success_rate", "episode_length"),
+    "chains": ("success_rate", "trial_progress"),
+    "single_policies": ("phase", "completed"),
+}
+
+
+@recipe("report")
+def main(config: DictConfig) -> None:
+    """Writes and says where."""
+    page, readme = Path(config.docs_dir) / "results.md", Path(config.readme)
+    page.parent.mkdir(parents=True, exist_ok=True)
+    page.write_text(results_page(config.results_dir, config.paper, config.notes))
+    readme.write_text(replace_block(readme.read_text(), results_head(config.results_dir, config.paper)))
+    print(page, readme)
+    if config.figures:
+        draw(Path(config.results_dir), page.parent / "figures")
+
+
+def draw(results: Path, figures: Path) -> None:
+    """Draws the curves of every task, and copies what other recipes drew of it."""
+    metrics = read_metrics(results)
+    for task in sorted(metrics["task"].unique()):
+        for name, rows in curve_groups(metrics, task).items():
+            panel, line = ("subtask", None) if name == "skills" else ("recipe", None)
+            line = "skill" if name == "chains" else line
+            print(seed_curves(rows, figures / f"{task}_{name}.png", COLUMNS[name], panel, line))
+        for name in ("terminal_states", "hand_over"):
+            drawn = results / task / f"{name}.png"
+            if drawn.is_file():
+                print(shutil.copyfile(drawn, figures / f"{task}_{name}.png"))
+
+
+if __name__ == "__main__":
+    main()

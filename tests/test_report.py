@@ -1,0 +1,74 @@
+"""docs/results.md: that it is what the tables say, and that bad runs stay in it."""
+
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from tstar_rl.report import curve_groups, replace_block, results_head, results_page
+from tstar_rl.report_tables import comparison, over_seeds
+
+ROOT = Path(__file__).resolve().parent.parent
+PAPER, NOTES = ROOT / "docs" / "paper_results.yaml", ROOT / "docs" / "results_notes.md"
+THEIRS = {
+    "tasks": ["table"],
+    "systems": {
+        "bc": {"label": "BC", "progress": {"table": [0.03, 0.0]}},
+        "tstar": {"label": "T-STAR", "progress": {"table": [0.9, 0.07]}, "success": {"table": 0.87}},
+        "ours_alone": {"label": "never run"},
+    },
+}
+
+
+def evaluation(recipe: str, seed: int, progress: float, checkpoint: str = "last", **more) -> dict:
+    row = {"task": "table", "recipe": recipe, "seed": seed, "subtask": -1, "checkpoint": checkpoint}
+    return {**row, "mode": "deterministic", "progress": progress, "success": progress, **more}
+
+
+def test_the_page_and_the_readme_are_what_the_tables_say():
+    again = "run: python recipes/report.py"
+    page = results_page(ROOT / "results", PAPER, NOTES)
+    assert page == (ROOT / "docs" / "results.md").read_text(), again
+    readme = (ROOT / "README.md").read_text()
+    assert replace_block(readme, results_head(ROOT / "results", PAPER)) == readme, again
+
+
+def test_mean_and_deviation_over_seeds_by_hand():
+    assert over_seeds(pd.Series([0.5, 0.7])) == "0.600 +- 0.141"  # 0.1 sqrt(2)
+    assert over_seeds(pd.Series([0.25]), percent=True) == "25.0%"
+    assert over_seeds(pd.Series([], dtype=float)) == "-"
+
+
+def test_bad_runs_and_rows_of_only_one_side_stay():
+    rows = [evaluation("tstar", 0, 1.0), evaluation("tstar", 1, 0.0), evaluation("tstar", 0, 0.5, "best")]
+    rows.append(evaluation("mine", 0, 0.0))
+    table = comparison(pd.DataFrame(rows), THEIRS, "table").splitlines()[2:]
+    assert table == [
+        "| BC | 0.03 +- 0.00 | - | - | - | - | - | not run |",
+        "| T-STAR | 0.90 +- 0.07 | 87% | 0.500 +- 0.707 | 50.0 +- 70.7% | 0.500 | 50.0% | 2 |",
+        "| mine | - | - | 0.000 | 0.0% | - | - | 1 |",
+    ]
+
+
+def test_curves_are_sorted_into_skills_chains_and_single_policies():
+    rows = [
+        {"recipe": "gail_ppo", "subtask": 2, "env_steps": 10},
+        {"recipe": "tstar", "subtask": -1, "skill": 0, "env_steps": 10},
+        {"recipe": "ppo", "subtask": -1, "env_steps": 10},
+        {"recipe": "bc", "subtask": -1, "env_steps": 0},  # one row, no curve
+    ]
+    groups = curve_groups(pd.DataFrame(rows).assign(task="table"), "table")
+    assert {name: list(group.recipe) for name, group in groups.items()} == {
+        "skills": ["gail_ppo"],
+        "chains": ["tstar"],
+        "single_policies": ["ppo"],
+    }
+    assert curve_groups(pd.DataFrame(rows).assign(task="table"), "chair") == {}
+
+
+def test_the_block_is_replaced_and_nothing_else():
+    text = "a\n<!-- results: begin -->\nold\n<!-- results: end -->\nb\n"
+    once = replace_block(text, "new")
+    assert once == "a\n<!-- results: begin -->\nnew\n<!-- results: end -->\nb\n" == replace_block(once, "new")
+    with pytest.raises(ValueError, match="needs one line <!-- results: begin -->"):
+        replace_block("nothing", "new")
