@@ -23,6 +23,8 @@ MAX_SPEED, MAX_TURN = 0.4, 1.4
 """Limits of the hand, m/s and rad/s: turning a held part faster loses it."""
 HOVER, APPROACH = 0.06, 0.03
 """Heights, m: the hand over the grasp point, the connector over its target before it is lowered."""
+SLACK = 2.0
+"""How much further off a lowering may be near its end than at its beginning, before it is given up."""
 GRASP_DEPTH = 0.008
 """How far below the grasp point the tip goes, m."""
 
@@ -65,7 +67,8 @@ class Assembler:
         )
         turn = controller.rotation_vector(hand, goal)
         offset = scene.grasp_point - scene.tip
-        ready = (offset[:, :2].norm(dim=-1) < 0.012) & (turn.norm(dim=-1) < 0.12)
+        slack = _slack(-offset[:, 2], HOVER)
+        ready = (offset[:, :2].norm(dim=-1) < 0.012 * slack) & (turn.norm(dim=-1) < 0.12 * slack)
         depth = torch.where(ready, -GRASP_DEPTH, HOVER)
         offset = torch.cat([offset[:, :2], offset[:, 2:] + depth.unsqueeze(-1)], dim=-1)
         close = ready & (offset[:, 2].abs() < 0.006)
@@ -77,7 +80,8 @@ class Assembler:
         turn = controller.rotation_vector(moving, goal)
         to_target = scene.target_connector - scene.moving_connector
         upright = turn.norm(dim=-1) < 0.25
-        over = upright & (to_target[:, :2].norm(dim=-1) < 0.015) & (turn.norm(dim=-1) < 0.06)
+        slack = _slack(-to_target[:, 2], APPROACH)
+        over = upright & (to_target[:, :2].norm(dim=-1) < 0.015 * slack) & (turn.norm(dim=-1) < 0.06 * slack)
         height = torch.where(over, 0.0, APPROACH)
         above = torch.cat([to_target[:, :2], to_target[:, 2:] + height.unsqueeze(-1)], dim=-1)
         # Not yet upright: up first, on the spot, then turn about the part's own middle.
@@ -111,3 +115,8 @@ class Assembler:
         linear = controller.clip_norm(RATE * offset, MAX_SPEED)
         angular = controller.clip_norm(RATE * turn, MAX_TURN)
         return torch.cat([linear, angular], dim=-1) * (~still).unsqueeze(-1)
+
+
+def _slack(height: Tensor, above: float) -> Tensor:
+    """Tolerance (N,), 1 from `above` (m) upwards to `SLACK` at the goal: one jolt does not undo a lowering."""
+    return 1 + (SLACK - 1) * (1 - height / above).clamp(0, 1)
