@@ -9,6 +9,7 @@ finished is not done again, and a variant that several ablations share is traine
 
 import shutil
 from pathlib import Path
+from typing import Any
 
 import yaml
 from hydra import compose
@@ -26,6 +27,12 @@ from tstar_rl.starts import check_shares
 
 OWN = ("ablation", "all", "variants", "processes")  # values that only this recipe knows
 EVALUATION = ("modes=[deterministic]", "video=false")
+CHAINING = (
+    "chain",
+    "terminal_reward",
+    "d_omega",
+    "skills",
+)  # sections that a skill's own training does not read
 TABLES = ("config.yaml", "metrics.csv", "evaluation.csv")
 
 
@@ -42,6 +49,10 @@ def main(config: DictConfig) -> None:
     firsts = {variant.first(): None for variant in variants}
     sources = {first.source().first(): None for first in firsts if first.bonus_of}
     runs = list({**sources, **firsts})
+    for index in range(config.task.subtasks):
+        skill = plain(compose("recipe/gail_ppo", [*shared, f"system={SKILLS}", f"subtask={index}"]))
+        wanted = {name: value for name, value in skill.items() if name not in CHAINING}
+        _check_finished(config, wanted, SKILLS, index)
     for run in runs:
         _check(config, run, shared)
 
@@ -68,18 +79,24 @@ def _place(config: DictConfig, root: str, system: str, subtask: int | None = Non
 
 
 def _check(config: DictConfig, run: Variant, shared: list[str]) -> None:
-    """Composes a variant's configs before anything is run, and compares a finished one with its own.
+    """Composes a variant's configs before anything is run, and compares a finished one with its own."""
+    chain_length(compose("recipe/evaluate", [*shared, *run.overrides]))
+    if run.trains:
+        wanted = plain(compose(f"recipe/{run.system}", [*shared, *_values(run)]))
+        check_shares(wanted["chain"]["starts"])
+        _check_finished(config, wanted, run.place)
+
+
+def _check_finished(
+    config: DictConfig, wanted: dict[str, Any], system: str, subtask: int | None = None
+) -> None:
+    """Compares what is wanted with the config of a finished run.
 
     Raises:
         SystemExit: if it was finished with other values.
     """
-    chain_length(compose("recipe/evaluate", [*shared, *run.overrides]))
-    kept = _place(config, "results_dir", run.place) / "config.yaml"
-    if not run.trains:
-        return
-    wanted = plain(compose(f"recipe/{run.system}", [*shared, *_values(run)]))
-    check_shares(wanted["chain"]["starts"])
-    if _finished(config, run.place) and kept.is_file():
+    kept = _place(config, "results_dir", system, subtask) / "config.yaml"
+    if _finished(config, system, subtask) and kept.is_file():
         saved = yaml.safe_load(kept.read_text())
         names = [name for name in wanted if name in saved and name not in (*MACHINE_ONLY, "bonus")]
         wrong = differences({name: saved[name] for name in names}, {name: wanted[name] for name in names})
