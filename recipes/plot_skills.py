@@ -1,0 +1,33 @@
+"""Skills drawn from the prior that a run of SPiRL has learnt, played from demonstrated states: skills.csv, skills.png.
+
+python recipes/plot_skills.py task=table_lack subtask=0 seed=0
+"""
+
+import torch
+from omegaconf import DictConfig
+
+from tstar_rl.collection import derive_seed
+from tstar_rl.configuration import environment, load_demonstrations, recipe
+from tstar_rl.logging import run_path
+from tstar_rl.skill_agent import SkillAgent
+from tstar_rl.skill_plots import draw_skills, moments, play_skills
+
+
+@recipe("plot_skills")
+def main(config: DictConfig) -> None:
+    """Plays, writes and draws."""
+    place = (config.task.name, "spirl", config.seed, config.subtask)
+    agent = SkillAgent.load(run_path(config.runs_dir, *place) / config.checkpoint, task=config.task.name)
+    expert = load_demonstrations(config, config.subtask)
+    rows = moments(expert, config.states, agent.settings.horizon)
+    seed = derive_seed(config.seed, "evaluate", config.subtask)
+    torch.manual_seed(seed)
+    env = environment(config, config.subtask, config.states * config.skills, seed)
+    paths = play_skills(agent, env, expert, rows)
+    results = run_path(config.results_dir, *place)
+    paths.to_csv(results / "skills.csv", index=False)
+    print(draw_skills(paths, results / "skills.png"))
+
+
+if __name__ == "__main__":
+    main()
