@@ -11,6 +11,7 @@ import pandas as pd
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import EngFormatter
 
 __all__ = ["hand_over_matrix", "seed_curves", "terminal_state_plane"]
 
@@ -29,7 +30,9 @@ def _lines(axes: Axes, rows: pd.DataFrame, column: str, line: str | None) -> Non
         value = int(place[0])  # pyright: ignore[reportGeneralTypeIssues]
         label = None if value in labelled else f"{line or 'seed'} {value}"
         labelled.add(value)
-        axes.plot(run.env_steps, run[column], color=f"C{value}", marker=".", markersize=3, linewidth=1, label=label)
+        axes.plot(
+            run.env_steps, run[column], color=f"C{value}", marker=".", markersize=3, linewidth=1, label=label
+        )
 
 
 def seed_curves(
@@ -54,8 +57,12 @@ def seed_curves(
             axes.set_title(str(place).replace("_", " "), fontsize=9)
             axes.grid(alpha=0.3)
         row[0].set_ylabel(name.replace("_", " "))
+        values = metrics[name].dropna()
+        if values.between(0, 1).all():
+            row[0].set_ylim(-0.02, 1.04)  # shares: the same scale whatever they are
     for axes in panels[-1]:
         axes.set_xlabel("environment steps")
+        axes.xaxis.set_major_formatter(EngFormatter(sep=""))
     panels[0][0].legend(fontsize=7)
     figure.tight_layout()
     return _write(figure, path)
