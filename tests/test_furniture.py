@@ -79,6 +79,20 @@ def test_table_lack_connectors_and_grasps():
     assert table.steps[0].grip_init_pos is None and table.steps[1].grip_init_pos == (0, 0, 0, 0.37)
 
 
+def test_chair_ingolf_is_the_reference_task():
+    chair = furniture.load("chair_ingolf")
+    assert chair.part_names == ("front", "left_side", "right_side", "seat", "back")
+    joined = [(s.moving_part, s.target_part, round(math.degrees(s.angle))) for s in chair.steps]
+    assert joined == [
+        ("right_side", "seat", 180), ("left_side", "seat", 180), ("left_side", "back", 0), ("front", "left_side", 0)
+    ]  # fmt: skip
+    assert [step.waypoint[2] for step in chair.steps] == [0.05, 0.05, 0.1, 0.27]
+    moving, target = chair.connectors_of(2)
+    assert (moving.pos, target.pos) == ((0.003656, -0.101451, 0.00105), (0.1035, -0.036463, -0.047477))
+    assert chair.z_finedist == 0.1 and chair.steps[2].connect_height == 0.005
+    assert [len(part.boxes) for part in chair.parts] == [3, 1, 1, 2, 11]
+
+
 def test_a_chair_fits_the_same_schema(chair):
     piece = chair()
     assert piece.name == "chair" and piece.max_steps_per_subtask == 200
@@ -160,6 +174,13 @@ def _set(data, *path_and_value):
         (lambda d: _set(d, "steps", 0, "degrees", 90), r"steps\[0\].angle: got 90 degrees, .* allows 0, 180"),
         (lambda d: _set(d, "steps", 0, "grasp", 2), r"steps\[0\].grasp: got 2, part 'side' has 2 grasps"),
         (lambda d: _set(d, "steps", []), r"steps: got none"),
+        (
+            lambda d: _set(d, "no_contact", [["seat", "sied"]]),
+            r"no_contact\[0\]: no part of 'chair' is called 'sied': did you mean 'side'",
+        ),
+        (lambda d: _set(d, "no_contact", [["seat"]]), r"no_contact\[0\]: got \['seat'\], expected two"),
+        (lambda d: _set(d, "no_contact", "seat"), r"no_contact: got 'seat', expected a list of lists"),
+        (lambda d: _set(d, "weld_impedance", 1), r"weld_impedance: got 1, expected a number between 0 and 1"),
     ],
 )
 def test_a_wrong_file_is_told_what_is_wrong(chair, change, message):

@@ -38,7 +38,7 @@ def build_spec(furniture: Furniture) -> mujoco.MjSpec:
     targets = {step.target_part for step in furniture.steps}
     for i, part in enumerate(furniture.parts):
         colour = _TARGET_COLOUR if part.name in targets else _PART_COLOURS[i % len(_PART_COLOURS)]
-        _add_part(spec, part, colour, furniture.impedance)
+        _add_part(spec, part, colour, furniture.contact_impedance)
     for one, other in furniture.no_contact:
         spec.add_exclude(bodyname1=one, bodyname2=other)
     _add_welds(spec, furniture)
@@ -84,8 +84,8 @@ def _add_welds(spec: mujoco.MjSpec, furniture: Furniture) -> None:
             name1=step.target_part, name2=step.moving_part, active=False, solref=(0.02, 1),
         )  # fmt: skip
         weld.data[:3] = 0.0  # the anchor; MjSpec's default is meant for joint equalities
-        if furniture.impedance is not None:
-            weld.solimp[:2] = furniture.impedance
+        if furniture.weld_impedance is not None:
+            weld.solimp[:2] = furniture.weld_impedance
 
 
 def _add_contact_sensors(spec: mujoco.MjSpec, furniture: Furniture) -> None:

@@ -127,9 +127,12 @@ def _furniture(fields: Fields, name: str) -> Furniture:
     z_finedist = fields.number("z_finedist", positive=True)
     max_steps = int(fields.number("max_steps_per_subtask", 200, positive=True))
     pairs = fields.name_lists("no_contact")
-    impedance = None if fields.get("impedance", None) is None else fields.number("impedance")
+    stiff = [
+        None if fields.get(key, None) is None else fields.number(key)
+        for key in ("contact_impedance", "weld_impedance")
+    ]
     fields.finish()
-    return Furniture(name, parts, steps, z_finedist, max_steps, pairs, impedance)
+    return Furniture(name, parts, steps, z_finedist, max_steps, pairs, *stiff)
 
 
 def _part(name: str, fields: Fields) -> Part:

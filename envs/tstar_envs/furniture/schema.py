@@ -112,8 +112,9 @@ class Furniture:
         z_finedist: height above the target from which a part is lowered finely, m.
         max_steps_per_subtask: control steps one subtask may take.
         no_contact: pairs of parts that pass through each other (docs/decisions/0007-chair.md).
-        impedance: MuJoCo's constraint impedance of the parts' contacts and welds, in (0, 1): the nearer to 1 the
+        contact_impedance: MuJoCo's constraint impedance of the parts' contacts, in (0, 1): the nearer to 1 the
             stiffer. None is MuJoCo's own, 0.9 to 0.95, too soft where a light part carries heavier ones.
+        weld_impedance: the same of the welds.
     """
 
     name: str
@@ -122,7 +123,8 @@ class Furniture:
     z_finedist: float
     max_steps_per_subtask: int = 200
     no_contact: tuple[tuple[str, str], ...] = ()
-    impedance: float | None = None
+    contact_impedance: float | None = None
+    weld_impedance: float | None = None
 
     def __post_init__(self) -> None:
         for what, found in (("parts", self.parts), ("steps", self.steps)):
@@ -130,8 +132,10 @@ class Furniture:
                 raise FurnitureError(f"{what}: got none, a piece of furniture needs at least one")
         for i, step in enumerate(self.steps):
             _check_step(self, step, f"steps[{i}]")
-        if self.impedance is not None and not 0 < self.impedance < 1:
-            raise FurnitureError(f"impedance: got {self.impedance:g}, expected a number between 0 and 1")
+        for field in ("contact_impedance", "weld_impedance"):
+            value = getattr(self, field)
+            if value is not None and not 0 < value < 1:
+                raise FurnitureError(f"{field}: got {value:g}, expected a number between 0 and 1")
         for i, pair in enumerate(self.no_contact):
             _check_pair(self, pair, f"no_contact[{i}]")
 
