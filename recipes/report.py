@@ -38,9 +38,10 @@ def draw(results: Path, figures: Path) -> None:
     metrics = read_metrics(results)
     for task in sorted(metrics["task"].unique()):
         for name, rows in curve_groups(metrics, task).items():
-            panel, line = ("subtask", None) if name == "skills" else ("recipe", None)
-            line = "skill" if name == "chains" else line
-            print(seed_curves(rows, figures / f"{task}_{name}.png", COLUMNS[name], panel, line))
+            where = rows["recipe"] + (" " + rows["subtask"].astype(str) if name == "skills" else "")
+            line = "skill" if name == "chains" else None
+            path = figures / f"{task}_{name}.png"
+            print(seed_curves(rows.assign(panel=where), path, COLUMNS[name], "panel", line))
         for name in ("terminal_states", "hand_over"):
             drawn = results / task / f"{name}.png"
             if drawn.is_file():

@@ -32,13 +32,13 @@ CAPTIONS = {
 
 def curve_groups(metrics: pd.DataFrame, task: str) -> dict[str, pd.DataFrame]:
     """What a task's runs logged: the skills', the chains' and the other whole-task policies', those that there are."""
-    rows = metrics[metrics.task == task] if len(metrics) else metrics
+    rows = metrics[(metrics.task == task) & (metrics.env_steps > 0)] if len(metrics) else metrics
     if rows.empty:
         return {}
     chained = rows["skill"].notna() if "skill" in rows else pd.Series(False, rows.index)
     whole = (rows["subtask"] == -1) & ~chained
     groups = {"skills": rows[rows["subtask"] >= 0], "chains": rows[chained]}
-    groups["single_policies"] = rows[whole & (rows["env_steps"] > 0)]
+    groups["single_policies"] = rows[whole]
     return {name: group for name, group in groups.items() if len(group)}
 
 

@@ -72,16 +72,17 @@ def terminal_state_plane(table: pd.DataFrame, shares: list[float], path: str | P
     """Terminal states in the plane of `terminal_states.add_plane`: a panel a system, coloured by progress."""
     systems = list(dict.fromkeys(table["system"]))
     figure, panels = plt.subplots(
-        1, len(systems), figsize=(4.6 * len(systems), 4), squeeze=False, sharex=True, sharey=True
-    )
+        1, len(systems), figsize=(4.6 * len(systems), 4), squeeze=False,
+        sharex=True, sharey=True, layout="constrained",
+    )  # fmt: skip
     points = None
     for axes, system in zip(panels[0], systems, strict=True):
         rows = table[table["system"] == system]
         points = axes.scatter(rows.x, rows.y, c=rows.progress, s=8, cmap="viridis", vmin=0, vmax=1)
         axes.set(title=str(system).replace("_", " "), xlabel=f"component 1 ({shares[0]:.0%})")
+        axes.locator_params(nbins=5)
         axes.grid(alpha=0.3)
     panels[0][0].set_ylabel(f"component 2 ({shares[1]:.0%})")
-    figure.tight_layout()
     if points is not None:
         figure.colorbar(points, ax=panels[0].tolist(), label="progress of training")
     return _write(figure, path)
