@@ -28,6 +28,12 @@ TIME = """\
 Ours: wall-clock minutes of processes with one thread each, two at a time on two cores that may have been busy with
 other things as well; the skills' training is counted with the chains, demonstrations and evaluation with nothing.
 """
+HANDED = """\
+Success of each skill from where the one before ends / from its own starts; fresh deterministic episodes, mean over seeds.
+"""
+SPREAD = """\
+Terminal states of successes in training, in three equal parts of it. Poses are metres and quaternions of all parts.
+"""
 
 
 def markdown(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
@@ -154,7 +160,9 @@ def figure_4(root: Path, task: str, paper: Paper) -> str:
             [names[str(system)], str(seed), *(" / ".join(three) for three in zip(*numbers, strict=True))]
         )
     header = ["system", "seed", "trace of the covariance, by third", "of positions alone, m2", "states"]
-    picture = f"![Where the third skill ends over training.](figures/{task}_terminal_states.png)\n\n"
+    picture = (
+        f"![Where the third skill ends over training.](figures/{task}_terminal_states.png)\n\n{SPREAD}\n"
+    )
     return picture + markdown(header, rows)
 
 
@@ -167,14 +175,19 @@ def hand_over(root: Path, task: str, paper: Paper) -> str:
     for system, label in labels(paper, table["system"]).items():
         for checkpoint, part in table[table.system == system].groupby("checkpoint", sort=False):
             groups = [group for _, group in part.groupby("subtask")]
-            cells = [f"{g.handed_over.mean():.2f} / {g.own_starts.mean():.2f}" for g in groups]
-            cells[0] = f"{groups[0].own_starts.mean():.2f}"
+            cells = [f"{_share(g.handed_over)} / {_share(g.own_starts)}" for g in groups]
+            cells[0] = _share(groups[0].own_starts)
             rows.append([f"{label}, {checkpoint}", *cells, str(part.seed.nunique())])
     width = max(len(row) for row in rows) - 2
     rows = [row[:-1] + [NOTHING] * (width + 2 - len(row)) + row[-1:] for row in rows]
-    picture = f"![What the skills hand over.](figures/{task}_hand_over.png)\n\n"
+    picture = f"![What the skills hand over.](figures/{task}_hand_over.png)\n\n{HANDED}\n"
     header = ["system", *(f"skill {index}" for index in range(width)), "seeds"]
     return picture + markdown(header, rows)
+
+
+def _share(values: pd.Series) -> str:
+    """A mean share; nothing where no seed has one."""
+    return NOTHING if values.isna().all() else f"{values.mean():.2f}"
 
 
 def ablations(root: Path) -> str:
