@@ -121,23 +121,28 @@ def warm_started(config: DictConfig, seed: int) -> tuple[Skill, Demonstrations]:
     return skill, expert
 
 
-def training_rate(config: DictConfig, skill: Skill, expert: Demonstrations, env, seed: int) -> float:
-    """Control steps a second of GAIL+PPO end to end: the loop of `gail_ppo.py`."""
-    update_f_phi = make_f_phi_update(skill.f_phi, settings(DiscriminatorSettings, config.f_phi), seed)
-    update_policy = PolicyUpdate(
-        skill.policy, skill.value, settings(PPOSettings, config.ppo), skill.return_scale, seed
-    )
-    reward = Compose(GAILReward(skill.f_phi), RewardMixture(**{**config.reward, "lambda_3": 0.0}))
-    collection = Collection(env, skill.policy, config.training.horizon)
-    steps, began = 0, 0.0
-    for iteration in range(config.bench.updates + 1):
-        if iteration == 1:
-            began = time.perf_counter()
-        rollout = collection.rollout()
-        steps += rollout.numel() * (iteration > 0)
-        update_f_phi(expert.observations, rollout["observation"])
-        update_policy(reward(rollout), 0.0)
-    return steps / (time.perf_counter() - began)
+class Training:
+    """GAIL+PPO end to end, one iteration at a time: the loop of `gail_ppo.py`."""
+
+    def __init__(self, config: DictConfig, skill: Skill, expert: Demonstrations, env, seed: int) -> None:
+        self.expert = expert
+        self.update_f_phi = make_f_phi_update(
+            skill.f_phi, settings(DiscriminatorSettings, config.f_phi), seed
+        )
+        ppo = settings(PPOSettings, config.ppo)
+        self.update_policy = PolicyUpdate(skill.policy, skill.value, ppo, skill.return_scale, seed)
+        self.reward = Compose(GAILReward(skill.f_phi), RewardMixture(**{**config.reward, "lambda_3": 0.0}))
+        self.collection = Collection(env, skill.policy, config.training.horizon)
+
+    def rate(self, iterations: int) -> float:
+        """Control steps a second."""
+        steps, began = 0, time.perf_counter()
+        for _ in range(iterations):
+            rollout = self.collection.rollout()
+            steps += rollout.numel()
+            self.update_f_phi(self.expert.observations, rollout["observation"])
+            self.update_policy(self.reward(rollout), 0.0)
+        return steps / (time.perf_counter() - began)
 
 
 class BareTask(control.Task):
@@ -193,7 +198,7 @@ def main(config: DictConfig) -> None:
         config, config.subtask, config.training.num_envs, seed, max_steps=config.training.max_steps
     )
     rates: dict[str, list[float]] = {}
-    rounds = tqdm(total=2 * bench.rounds + 2 + len(bench.workers), disable=not config.progress_bar)
+    rounds = tqdm(total=2 * bench.rounds + 1 + len(bench.workers), disable=not config.progress_bar)
 
     def note(**measured: float) -> None:
         for name, rate in measured.items():
@@ -206,13 +211,18 @@ def main(config: DictConfig) -> None:
     for _ in range(bench.rounds):
         note(bare=replay.rate(config.nthread), env=environment_rate(env, act, bench.steps))
     skill, expert = warm_started(config, seed)
-    note(train=training_rate(config, skill, expert, env, seed))
     with torch.no_grad():
         replay = Replay(env, skill.policy, bench.steps)
+    trained = environment(
+        config, config.subtask, config.training.num_envs, seed, max_steps=config.training.max_steps
+    )
+    training = Training(config, skill, expert, trained, seed)
+    training.rate(2)  # the first rollouts begin with all simulations at their start
     for _ in range(bench.rounds):
         note(
             bare_policy=replay.rate(config.nthread),
             env_policy=environment_rate(env, skill.policy, bench.steps),
+            train=training.rate(bench.updates),
         )
     for workers in bench.workers:
         name = f"torchrl_parallel_{workers}" if workers > 1 else "torchrl_one"
