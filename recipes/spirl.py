@@ -33,6 +33,8 @@ def main(config: DictConfig) -> None:
     """Skills and their prior from demonstrations, then a policy over skills by prior-regularised actor-critic."""
     spirl, total = config.spirl, config.spirl.total_steps
     run = Run(plain(config), config.subtask, total)
+    # Nothing depends on the total, so a run may be resumed with a larger one.
+    run.record["spirl"] = {name: value for name, value in plain(spirl).items() if name != "total_steps"}
     seed = derive_seed(config.seed, "train", config.subtask)
     agent = new_skill_agent(config, config.subtask)
     expert = load_demonstrations(config, config.subtask)
