@@ -26,7 +26,7 @@ from tstar_rl.side_by_side import Step, mean_bonus, run_side_by_side
 from tstar_rl.starts import check_shares
 
 OWN = ("ablation", "all", "variants", "processes")  # values that only this recipe knows
-EVALUATION = ("modes=[deterministic]", "video=false")
+EVALUATION = ("modes=[deterministic]", "checkpoints=[last]", "video=false")
 CHAINING = (
     "chain",
     "terminal_reward",
