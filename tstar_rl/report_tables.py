@@ -29,7 +29,8 @@ Ours: wall-clock minutes of processes with one thread each, two at a time on two
 other things as well; the skills' training is counted with the chains, demonstrations and evaluation with nothing.
 """
 HANDED = """\
-Success of each skill from where the one before ends / from its own starts; fresh deterministic episodes, mean over seeds.
+Success of each skill from where the one before ends / from its own starts: fresh deterministic episodes, mean over
+seeds.
 """
 SPREAD = """\
 Terminal states of successes in training, in three equal parts of it. Poses are metres and quaternions of all parts.
