@@ -41,7 +41,8 @@ def play_skills(agent: SkillAgent, env: TransformedEnv, expert: Demonstrations, 
         rows: (M,) of the demonstrations.
 
     Returns:
-        Columns state (which of `rows`), skill (-1: the demonstration), step, and x, y, z in m, world.
+        Columns state (which of `rows`), skill (-1: the demonstration), step, and x, y, z in m, world. A skill that ends
+        the episode has fewer rows: the arm is put back home then.
     """
     skills = env.batch_size[0] // len(rows)
     starts, horizon = rows.repeat_interleave(skills), agent.settings.horizon
@@ -49,11 +50,12 @@ def play_skills(agent: SkillAgent, env: TransformedEnv, expert: Demonstrations, 
     tensordict = env.reset()
     env.base_env.restore(expert.snapshots[starts])
     tensordict["observation"] = expert.observations[starts]
-    paths = [_grip(tensordict)]
+    paths, ended = [_grip(tensordict)], torch.zeros(env.batch_size, dtype=torch.bool)
     with set_exploration_type(ExplorationType.RANDOM):
         for _ in range(horizon):
             tensordict = env.step(policy(tensordict))
-            paths.append(_grip(tensordict["next"]))
+            ended |= tensordict["next", "done"].squeeze(-1)
+            paths.append(_grip(tensordict["next"]).masked_fill(ended.unsqueeze(-1), torch.nan))
             tensordict = env.step_mdp(tensordict)
     table: list[dict[str, Any]] = []
     for step, positions in enumerate(paths):
@@ -63,7 +65,7 @@ def play_skills(agent: SkillAgent, env: TransformedEnv, expert: Demonstrations, 
             table.append(
                 {"state": state, "skill": skill, "step": step, **dict(zip(AXES, position, strict=True))}
             )
-    return pd.DataFrame(table).round(5)
+    return pd.DataFrame(table).dropna().round(5)
 
 
 def _grip(tensordict: TensorDictBase) -> Tensor:
