@@ -27,6 +27,7 @@ def ablate(folder: Path, *values: str) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1800)
 def test_variants_are_made_once_shared_and_not_made_again(tmp_path):
     values = ["ablation=links", "variants=[4_links,2_links]"]
     done = ablate(tmp_path, *values)
