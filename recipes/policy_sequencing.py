@@ -54,7 +54,7 @@ def main(config: DictConfig) -> None:
         )
         collection = Collection(env, skill.policy, training.horizon)
         update_f_phi = make_f_phi_update(skill.f_phi, settings(DiscriminatorSettings, config.f_phi), seed)
-        ppo = settings(PPOSettings, {**config.ppo, "critic_warmup": config.chain.critic_warmup})
+        ppo = settings(PPOSettings, {**config.ppo, **config.chain.ppo})
         update_policy = PolicyUpdate(skill.policy, skill.value, ppo, skill.return_scale, seed)
         reward = [GAILReward(skill.f_phi)]
         weights = {**config.reward, "lambda_3": 0.0}
