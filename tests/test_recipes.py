@@ -167,6 +167,7 @@ def test_resuming_with_another_config_is_refused(demonstrations, tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1800)  # a dozen processes: minutes on a machine that does other things
 def test_a_killed_chain_resumes_to_the_same_figures(tmp_path):
     demonstrations = f"demonstrations_dir={tmp_path}"
     skills = [demonstrations, "demonstrations.episodes=16", "bc.epochs=40", "training.total_steps=0"]
