@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import torch
 from torchrl.checkpoint import Checkpoint, CheckpointRotation
 
 __all__ = [
@@ -17,6 +18,9 @@ __all__ = [
     "read_record",
     "save",
     "save_step",
+    "to_plain",
+    "to_tensors",
+    "to_tuples",
 ]
 
 
@@ -78,3 +82,22 @@ def differences(saved: Any, wanted: Any, name: str = "") -> list[str]:
         ]
     saved, wanted = (list(value) if isinstance(value, tuple) else value for value in (saved, wanted))
     return [] if saved == wanted else [f"{name} was {saved!r} when it was saved, and is {wanted!r} now"]
+
+
+def to_plain(values: Mapping[str, Any] | None) -> dict[str, Any] | None:
+    """Values for a record, tensors as lists; None stays None."""
+    if values is None:
+        return None
+    return {k: v.tolist() if isinstance(v, torch.Tensor) else v for k, v in values.items()}
+
+
+def to_tensors(values: Mapping[str, Any] | None) -> dict[str, Any] | None:
+    """What `to_plain` was given, with every list a tensor."""
+    if values is None:
+        return None
+    return {k: torch.tensor(v) if isinstance(v, list) else v for k, v in values.items()}
+
+
+def to_tuples(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Fields of a settings object from a record, with every list a tuple."""
+    return {k: tuple(v) if isinstance(v, list) else v for k, v in values.items()}

@@ -119,11 +119,7 @@ class Skill:
 
     def save(self, path: str | Path, **record: Any) -> None:
         """Writes the skill, and beside it plain values that say what it is."""
-        geometry = self.geometry and {
-            key: value.tolist() if isinstance(value, torch.Tensor) else value
-            for key, value in self.geometry.items()
-        }
-        built = {"settings": asdict(self.settings), "geometry": geometry}
+        built = {"settings": asdict(self.settings), "geometry": checkpoint.to_plain(self.geometry)}
         built["capacity"] = self.initiation_set.capacity
         record = {"task": self.task, "subtask": self.subtask, "built": built, **record}
         checkpoint.save(path, {"skill": self}, record)
@@ -138,16 +134,11 @@ class Skill:
         """
         record = checkpoint.read_record(path, **expected)
         built = record["built"]
-        sizes = {k: tuple(v) if isinstance(v, list) else v for k, v in built["settings"].items()}
-        geometry = built["geometry"] and {
-            key: torch.tensor(value) if isinstance(value, list) else value
-            for key, value in built["geometry"].items()
-        }
         skill = cls(
             record["task"],
             record["subtask"],
-            NetworkSettings(**sizes),
-            geometry,
+            NetworkSettings(**checkpoint.to_tuples(built["settings"])),
+            checkpoint.to_tensors(built["geometry"]),
             built["capacity"],
         )
         checkpoint.load(path, {"skill": skill}, **expected)

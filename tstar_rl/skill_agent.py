@@ -99,14 +99,10 @@ class SkillAgent:
 
     def save(self, path: str | Path, **record: Any) -> None:
         """Writes the agent, and beside it plain values that say what it is."""
-        geometry = self.geometry and {
-            key: value.tolist() if isinstance(value, torch.Tensor) else value
-            for key, value in self.geometry.items()
-        }
         built = {
             "settings": asdict(self.settings),
             "critic_hidden": list(self.critic_hidden),
-            "geometry": geometry,
+            "geometry": checkpoint.to_plain(self.geometry),
         }
         record = {"task": self.task, "subtask": self.subtask, "built": built, **record}
         checkpoint.save(path, {"agent": self}, record)
@@ -121,17 +117,12 @@ class SkillAgent:
         """
         record = checkpoint.read_record(path, **expected)
         built = record["built"]
-        sizes = {k: tuple(v) if isinstance(v, list) else v for k, v in built["settings"].items()}
-        geometry = built["geometry"] and {
-            key: torch.tensor(value) if isinstance(value, list) else value
-            for key, value in built["geometry"].items()
-        }
         agent = cls(
             record["task"],
             record["subtask"],
-            SkillModelSettings(**sizes),
+            SkillModelSettings(**checkpoint.to_tuples(built["settings"])),
             tuple(built["critic_hidden"]),
-            geometry,
+            checkpoint.to_tensors(built["geometry"]),
         )
         checkpoint.load(path, {"agent": agent}, **expected)
         return agent
