@@ -154,11 +154,11 @@ def reward(
         "start_target": row(0, 0, 0.1),
     }.items():
         before[name] = value
-    before["potential"] = task._potentials(scene(), before)
+    before["potential"] = task.step_reward.potentials(scene(), before)
     for name, value in state.items():
         before[name] = torch.full_like(before[name], value)
     action = row(*[0.0] * 7, grip, connect)
-    return task._reward(before, then, action, connected).item(), before
+    return task.step_reward.pay(before, then, action, connected).item(), before
 
 
 def test_a_step_is_ten_times_the_fall_of_the_potential(task):

@@ -14,7 +14,7 @@ from torchrl.envs import EnvBase
 
 from tstar_envs import geometry, rendering
 from tstar_envs.environment import BatchedEnvironment
-from tstar_envs.tasks.assembly import NUM_ACTIONS
+from tstar_envs.tasks.actions import NUM_ACTIONS
 from tstar_envs.tasks.phase_reward import PHASES
 
 _DONE_KEYS = ("done", "terminated", "truncated")

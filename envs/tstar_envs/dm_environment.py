@@ -17,7 +17,7 @@ from dm_env import specs
 from tensordict import TensorDict
 
 from tstar_envs.environment import BatchedEnvironment
-from tstar_envs.tasks.assembly import NUM_ACTIONS
+from tstar_envs.tasks.actions import NUM_ACTIONS
 
 _INDICES = ("subtask", "phase", "completed")
 

@@ -16,7 +16,8 @@ from tstar_envs.physics.cpu import CpuPhysics
 from tstar_envs.scene import SUBSTEPS, build_model
 from tstar_envs.settings import TaskSettings
 from tstar_envs.state_edit import StateEditor
-from tstar_envs.tasks.assembly import NUM_ACTIONS, Assembly, assign
+from tstar_envs.tasks.actions import NUM_ACTIONS
+from tstar_envs.tasks.assembly import Assembly, assign
 from tstar_envs.tasks.phase_reward import PHASES
 
 NUM_OBSERVATIONS_ROBOT = 29

@@ -19,7 +19,7 @@ from tensordict import TensorDict
 from tstar_envs.environment import BatchedEnvironment
 from tstar_envs.furniture import library
 from tstar_envs.gymnasium_shared import INFO, METADATA, Camera, begin, read_actions, read_options, spaces
-from tstar_envs.tasks.assembly import NUM_ACTIONS
+from tstar_envs.tasks.actions import NUM_ACTIONS
 
 
 def environment_id(furniture: str) -> str:

@@ -15,7 +15,7 @@ from torch import Tensor
 
 from tstar_envs import rendering
 from tstar_envs.environment import BatchedEnvironment
-from tstar_envs.tasks.assembly import NUM_ACTIONS
+from tstar_envs.tasks.actions import NUM_ACTIONS
 from tstar_envs.tasks.phase_reward import PHASES
 
 METADATA: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 10}

@@ -18,7 +18,7 @@ from torch import Tensor
 
 from tstar_envs.environment import BatchedEnvironment
 from tstar_envs.gymnasium_shared import INFO, METADATA, Camera, begin, read_actions, read_options, spaces
-from tstar_envs.tasks.assembly import NUM_ACTIONS
+from tstar_envs.tasks.actions import NUM_ACTIONS
 
 
 class GymnasiumVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):

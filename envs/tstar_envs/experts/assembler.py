@@ -14,7 +14,8 @@ from tstar_envs import geometry
 from tstar_envs.experts import controller
 from tstar_envs.physics.view import PhysicsView
 from tstar_envs.robots import sawyer
-from tstar_envs.tasks.assembly import CONNECT, GRIPPER, NUM_ACTIONS, Assembly
+from tstar_envs.tasks.actions import CONNECT, GRIPPER, NUM_ACTIONS
+from tstar_envs.tasks.assembly import Assembly
 from tstar_envs.tasks.phase_reward import Scene
 
 RATE = 6.0
@@ -106,7 +107,8 @@ class Assembler:
 
     def _connector_frames(self, state: TensorDict) -> tuple[Tensor, Tensor]:
         """World frames (N, 3, 3) of the moving connector and of its goal, at the turn that the recipe names."""
-        tables, k = self.task.tables, self.task.step_index(state)
+        tables = self.task.tables
+        k = tables.step_index(state["subtask"])
         poses, rows = self.task.part_poses, torch.arange(self.physics.num_sims, device=self.physics.device)
         moving = geometry.quat_to_matrix(poses[rows, tables.moving[k], 3:]) @ tables.moving_frame[k]
         return moving, geometry.quat_to_matrix(poses[rows, tables.target[k], 3:]) @ tables.goal_frame[k]

@@ -15,14 +15,13 @@ from tstar_envs.furniture.schema import Furniture
 from tstar_envs.physics.view import PhysicsView
 from tstar_envs.robots import sawyer
 from tstar_envs.settings import TaskSettings
-from tstar_envs.tasks import phase_reward
+from tstar_envs.tasks.actions import CONNECT, GRIPPER
 from tstar_envs.tasks.episode_start import EpisodeStarts
-from tstar_envs.tasks.phase_reward import Scene
+from tstar_envs.tasks.phase_reward import PHASES, Scene
 from tstar_envs.tasks.recipe_tables import RecipeTables
+from tstar_envs.tasks.step_reward import StepReward, moved
 from tstar_envs.tasks.task import BatchedTask
 
-NUM_ACTIONS = sawyer.NUM_JOINTS + 2
-GRIPPER, CONNECT = sawyer.NUM_JOINTS, sawyer.NUM_JOINTS + 1
 DISTURBED = 0.1
 _ROBOT_QPOS = sawyer.NUM_JOINTS + 2
 
@@ -37,6 +36,7 @@ class Assembly(BatchedTask):
         self.furniture, self.physics, self.subtask, self.settings = furniture, physics, subtask, settings
         self.tables = RecipeTables(furniture, physics.device)
         self.starts = EpisodeStarts(self.tables, physics, settings, generator)
+        self.step_reward = StepReward(self.tables, physics.device)
         self.last_subtask = self.tables.num_steps - 1 if subtask is None else subtask
         self.step_limit = settings.max_steps * (self.tables.num_steps if subtask is None else 1)
         self._wrong = WrongPairs(furniture, physics.device)
@@ -46,9 +46,6 @@ class Assembly(BatchedTask):
         )
         self._open = torch.tensor(sawyer.FINGER_OPEN, dtype=torch.float64, device=physics.device)
         self._closed = torch.tensor(sawyer.FINGER_CLOSED, dtype=torch.float64, device=physics.device)
-        self._bonuses = phase_reward.BONUS * torch.tensor(
-            phase_reward.BONUS_SHARES, dtype=torch.float64, device=physics.device
-        )
         self._touch = [
             [physics.sensor(f"{finger}_touches_{part}") for part in furniture.part_names]
             for finger in sawyer.FINGERS
@@ -70,7 +67,7 @@ class Assembly(BatchedTask):
         real = {name: torch.zeros(n, dtype=torch.float64, device=device) for name in _REAL}
         flags = {name: torch.zeros(n, dtype=torch.bool, device=device) for name in _FLAGS}
         points = {name: torch.zeros(n, 3, dtype=torch.float64, device=device) for name in _POINTS}
-        potential = torch.zeros(n, len(phase_reward.PHASES), dtype=torch.float64, device=device)
+        potential = torch.zeros(n, len(PHASES), dtype=torch.float64, device=device)
         return TensorDict({**whole, **real, **flags, **points, "potential": potential}, [n], device=device)
 
     def initialize_episode(self, state: TensorDict, mask: Tensor) -> None:
@@ -96,8 +93,8 @@ class Assembly(BatchedTask):
         fresh["grip_action"].fill_(-1.0)
         fresh["start_tip"].copy_(scene.tip)
         fresh["start_target"].copy_(scene.target_connector)
-        fresh["lift_point"].copy_(scene.part + self.tables.waypoint[self.step_index(state)])
-        fresh["potential"].copy_(self._potentials(scene, fresh))
+        fresh["lift_point"].copy_(scene.part + self.tables.waypoint[self.tables.step_index(state["subtask"])])
+        fresh["potential"].copy_(self.step_reward.potentials(scene, fresh))
         kept = ("subtask", "episode_step", "completed", "reward", "success", "wrong", "failed", "disturbed")
         assign(state, fresh.exclude(*kept), mask)
 
@@ -114,8 +111,8 @@ class Assembly(BatchedTask):
         connected = asks & scene.touching & scene.alignment.aligned
         state["wrong"] = self._wrong_connection(state, asks & ~connected)
         state["failed"] = failed
-        state["reward"] = self._reward(state, scene, action, connected) * ~failed
-        state["disturbed"] = _moved(state, scene) > DISTURBED
+        state["reward"] = self.step_reward.pay(state, scene, action, connected) * ~failed
+        state["disturbed"] = moved(state, scene) > DISTURBED
         state["success"] = connected & (state["subtask"] == self.last_subtask)
         if bool(connected.any()):
             self._connect(state, connected)
@@ -131,7 +128,7 @@ class Assembly(BatchedTask):
 
     def get_observation(self, state: TensorDict) -> Tensor:
         robot = self.physics.qpos[:, :_ROBOT_QPOS]
-        phase = torch.nn.functional.one_hot(state["phase"], len(phase_reward.PHASES))
+        phase = torch.nn.functional.one_hot(state["phase"], len(PHASES))
         sensors = self._sensors
         return torch.cat(
             [
@@ -144,7 +141,7 @@ class Assembly(BatchedTask):
 
     def scene(self, state: TensorDict) -> Scene:
         """What the simulations look like to the subtask that each is at."""
-        tables, k, rows = self.tables, self.step_index(state), self._rows
+        tables, k, rows = self.tables, self.tables.step_index(state["subtask"]), self._rows
         poses = self.part_poses
         moving, target = poses[rows, tables.moving[k]], poses[rows, tables.target[k]]
         quats = torch.stack([moving[:, 3:], target[:, 3:], self._sensors["hand_quat"]])
@@ -178,57 +175,12 @@ class Assembly(BatchedTask):
         pose = torch.cat(geometry.compose_pose(target[:, :3], target[:, 3:], ideal[:3], ideal[3:]), dim=-1)
         self.part_poses[mask] = self.tables.move_group(subtask, self.part_poses, pose)[mask]
 
-    def step_index(self, state: TensorDict) -> Tensor:
-        """(N,): which row of the recipe tables each simulation is at; the last one once everything is done."""
-        return state["subtask"].clamp_max(self.tables.num_steps - 1)
-
-    def _potentials(self, scene: Scene, state: TensorDict) -> Tensor:
-        return phase_reward.potentials(scene, state["start_tip"], state["lift_point"], self.tables.z_finedist)
-
     def _wrong_connection(self, state: TensorDict, asks: Tensor) -> Tensor:
         held = self.touches().all(0)
         suspects = asks & held.any(-1)
         if not bool(suspects.any()):
             return torch.zeros_like(asks)
-        return suspects & self._wrong.made(self.part_poses, held, self.step_index(state))
-
-    def _reward(self, state: TensorDict, scene: Scene, action: Tensor, connected: Tensor) -> Tensor:
-        phase, grip = state["phase"], action[:, GRIPPER]
-        potential = self._potentials(scene, state)
-        carrying = phase >= 4
-        fall = (state["potential"] - potential).gather(-1, phase.unsqueeze(-1)).squeeze(-1)
-        lost = carrying & ~scene.touching & ~connected
-        difference = phase_reward.DIFFERENCE_SCALE * torch.where(lost, fall.clamp_max(0), fall)
-        difference = difference + 200.0 * (grip - state["grip_action"]) * (phase == 3)
-
-        met = phase_reward.conditions(
-            scene, state["start_tip"], state["lift_point"], self.tables.z_finedist, grip < 0, connected
-        )
-        done = met.gather(-1, phase.unsqueeze(-1)).squeeze(-1) | connected
-        paid = torch.where(connected, self._bonuses[-1], self._bonuses[phase]) * done
-        rise = self.tables.waypoint[self.step_index(state), 2]
-        off_ground = phase_reward.off_ground(scene, state["lift_point"], rise)
-        raised = (phase == 4) & ~state["half_paid"] & off_ground
-        asking = 10.0 * (action[:, CONNECT] + 1) * ((phase == 7) & scene.alignment.aligned & ~connected)
-        bonus = paid + 0.5 * self._bonuses[4] * raised + asking - state["asked"] * connected
-
-        every_step = self._every_step(state, scene, action, lost)
-        state["half_paid"] = state["half_paid"] | raised
-        state["asked"] = state["asked"] + asking
-        state["potential"], state["grip_action"] = potential, grip.clone()
-        state["phase"] = (phase + (done & ~connected)).clamp_max(len(phase_reward.PHASES) - 1)
-        return difference + bonus + every_step
-
-    def _every_step(self, state: TensorDict, scene: Scene, action: Tensor, lost: Tensor) -> Tensor:
-        """What every control step pays, (N,): control, gripper, moved target, tilted grip, dropped part."""
-        grip = action[:, GRIPPER]
-        return (
-            -0.001 * action[:, : sawyer.NUM_JOINTS].norm(dim=-1)
-            + torch.where(state["phase"] <= 2, -grip, grip)
-            - 50.0 * _moved(state, scene)
-            + phase_reward.grip_penalty(scene, state["phase"])
-            - 20.0 * lost
-        )
+        return suspects & self._wrong.made(self.part_poses, held, self.tables.step_index(state["subtask"]))
 
     def _connect(self, state: TensorDict, mask: Tensor) -> None:
         """Welds the parts where they met, sends the arm home, and begins the next subtask."""
@@ -256,8 +208,3 @@ def assign(state: TensorDict, fresh: TensorDictBase, mask: Tensor) -> None:
     for name, value in fresh.items():
         where = mask.reshape(-1, *[1] * (value.ndim - 1))
         state[name] = torch.where(where, value, state[name])
-
-
-def _moved(state: TensorDict, scene: Scene) -> Tensor:
-    """How far the target connector is from where it was when the subtask began, m, (N,)."""
-    return (scene.target_connector - state["start_target"]).norm(dim=-1)

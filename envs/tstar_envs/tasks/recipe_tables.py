@@ -49,6 +49,10 @@ class RecipeTables:
         self.group = _groups(self.moving, self.target, self.num_parts)
         self.initial_pose = rows(part.initial_pose for part in furniture.parts)
 
+    def step_index(self, subtask: Tensor) -> Tensor:
+        """(N,): which row of the tables each simulation is at; the last one once everything is done."""
+        return subtask.clamp_max(self.num_steps - 1)
+
     def ideal_relative_pose(self, step: int) -> Tensor:
         """Pose (7,) of the moving part in the target part's frame when step `step` is made exactly.
 
