@@ -19,21 +19,16 @@ os.environ.setdefault(
     "OMP_WAIT_POLICY", "passive"
 )  # torch's idle threads must not hold the simulator's cores
 
-import numpy as np
 import pandas as pd
 import torch
-from dm_control.mujoco import Physics
-from dm_control.mujoco.wrapper import MjModel
-from dm_control.rl import control
-from dm_env import specs
+from bench_wrapped import wrapped_rate
 from omegaconf import DictConfig
 from tensordict import TensorDictBase
-from torchrl.envs import Compose, DMControlWrapper, ParallelEnv
+from torchrl.envs import Compose
 from tqdm import tqdm
 
-from tstar_envs.furniture import load
 from tstar_envs.physics.cpu import CpuPhysics
-from tstar_envs.scene import SUBSTEPS, build_model
+from tstar_envs.scene import SUBSTEPS
 from tstar_rl.collection import Collection, derive_seed
 from tstar_rl.configuration import environment, new_skill, recipe, settings
 from tstar_rl.demonstrate import collect
@@ -143,50 +138,6 @@ class Training:
             self.update_f_phi(self.expert.observations, rollout["observation"])
             self.update_policy(self.reward(rollout), 0.0)
         return steps / (time.perf_counter() - began)
-
-
-class BareTask(control.Task):
-    """The least a dm_control task can be: positions and velocities out, controls in, no reward."""
-
-    def initialize_episode(self, physics) -> None:
-        """Nothing: the model's own start."""
-
-    def before_step(self, action, physics) -> None:
-        """Sets the controls."""
-        physics.set_control(action)
-
-    def after_step(self, physics) -> None:
-        """Nothing."""
-
-    def action_spec(self, physics) -> specs.BoundedArray:
-        """The controls' own limits."""
-        low, high = physics.model.actuator_ctrlrange.T
-        return specs.BoundedArray(low.shape, np.float64, low, high)
-
-    def get_observation(self, physics) -> dict[str, np.ndarray]:
-        """Positions and velocities."""
-        return {"qpos": physics.data.qpos.copy(), "qvel": physics.data.qvel.copy()}
-
-    def get_reward(self, physics) -> float:
-        """Zero."""
-        return 0.0
-
-
-def make_wrapped(task: str) -> DMControlWrapper:
-    """TorchRL's wrapper around dm_control's environment, on the model that everything here runs on."""
-    physics = Physics.from_model(MjModel(build_model(load(task))))
-    return DMControlWrapper(control.Environment(physics, BareTask(), n_sub_steps=SUBSTEPS))
-
-
-def wrapped_rate(task: str, workers: int, steps: int) -> float:
-    """Control steps a second of `workers` wrapped environments, on random actions."""
-    env = make_wrapped(task) if workers == 1 else ParallelEnv(workers, partial(make_wrapped, task))
-    env.rollout(10)
-    began = time.perf_counter()
-    env.rollout(steps)
-    rate = steps * workers / (time.perf_counter() - began)
-    env.close()
-    return rate
 
 
 @recipe("bench")

@@ -22,7 +22,7 @@ LAYERS = (
     ("gymnasium_env", "gymnasium_vector_env"),
 )
 SIMULATORS = {"mujoco", "dm_control", "dm_env"}
-MEASURES_THE_SIMULATOR = {"bench.py"}
+MEASURES_THE_SIMULATOR = {"bench.py", "bench_wrapped.py"}
 
 
 def imports(path: Path) -> set[str]:
