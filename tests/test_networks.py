@@ -239,3 +239,18 @@ def test_value_and_discriminator_shapes():
     batch = TensorDict({"observation": torch.randn(4, 5, 72)}, [4, 5])
     assert networks.make_value()(batch)["state_value"].shape == (4, 5, 1)
     assert networks.make_discriminator(normalizer=Normalizer())(batch["observation"]).shape == (4, 5, 1)
+
+
+def test_the_encoder_of_policy_and_value_can_be_computed_once():
+    shared = {"normalizer": Normalizer(), "features": RelativeFeatures(description())}
+    policy, value = networks.make_policy(**shared), networks.make_value(**shared)
+    shared["normalizer"].fit(torch.randn(50, 72))
+    encoder, actor, critic = networks.split_encoder(policy, value)
+    batch = TensorDict({"observation": torch.randn(6, 72)}, [6])
+    whole = value(policy(batch.clone()))
+    assert "encoded" not in whole
+    parts = critic(actor(encoder(batch)))
+    for name in ("loc", "scale", "state_value"):
+        assert torch.equal(parts[name], whole[name])
+    assert {id(p) for p in actor.parameters()} == {id(p) for p in policy.parameters()}
+    assert not list(encoder.parameters())

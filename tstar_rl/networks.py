@@ -8,13 +8,19 @@ from collections.abc import Callable, Sequence
 from typing import cast
 
 import torch
-from tensordict.nn import InteractionType, TensorDictModule
+from tensordict.nn import (
+    InteractionType,
+    ProbabilisticTensorDictSequential,
+    TensorDictModule,
+    TensorDictSequential,
+)
 from torch import Tensor, nn
 from torch.nn.functional import softplus
 from torchrl.modules import MLP, IndependentNormal, ProbabilisticActor, ValueOperator
 
 from tstar_rl.features import RelativeFeatures
 from tstar_rl.normalizer import Normalizer
+from tstar_rl.state_input import StateInput
 
 __all__ = [
     "Discriminator",
@@ -24,39 +30,23 @@ __all__ = [
     "make_policy",
     "make_value",
     "set_action_std",
+    "split_encoder",
 ]
 
 
-class _Trunk(nn.Module):
-    """Normalised observation, beside it the features if there are any, then an MLP."""
+def _mlp(
+    in_dim: int, out_dim: int, hidden: Sequence[int], activation: type[nn.Module], out_gain: float
+) -> MLP:
+    mlp = MLP(in_features=in_dim, out_features=out_dim, num_cells=list(hidden), activation_class=activation)
+    last = cast(nn.Linear, mlp[-1])
+    nn.init.orthogonal_(last.weight, out_gain)
+    nn.init.zeros_(last.bias)
+    return mlp
 
-    def __init__(
-        self,
-        obs_dim: int,
-        out_dim: int,
-        hidden: Sequence[int],
-        activation: type[nn.Module],
-        normalizer: Normalizer | None,
-        features: RelativeFeatures | None,
-        out_gain: float,
-    ) -> None:
-        super().__init__()
-        self.normalizer = normalizer if normalizer is not None else nn.Identity()
-        self.features = features
-        in_dim = obs_dim + (features.out_dim if features is not None else 0)
-        self.mlp = MLP(
-            in_features=in_dim, out_features=out_dim, num_cells=list(hidden), activation_class=activation
-        )
-        last = cast(nn.Linear, self.mlp[-1])
-        nn.init.orthogonal_(last.weight, out_gain)
-        nn.init.zeros_(last.bias)
 
-    def forward(self, obs: Tensor) -> Tensor:
-        """obs: (..., obs_dim) -> (..., out_dim)."""
-        x = self.normalizer(obs)
-        if self.features is not None:
-            x = torch.cat((x, self.features(obs)), -1)
-        return self.mlp(x)
+def _encoder(state_input: StateInput) -> TensorDictModule:
+    """ "observation" -> "encoded"."""
+    return TensorDictModule(state_input, in_keys=["observation"], out_keys=["encoded"])
 
 
 class GaussianHead(nn.Module):
@@ -122,8 +112,10 @@ def make_policy(
     Source: sizes and nonlinearity from the paper's appendix B.
     """
     head = GaussianHead(action_dim, std, action_std)
-    trunk = _Trunk(obs_dim, head.in_dim, hidden, activation, normalizer, features, out_gain=0.01)
-    module = TensorDictModule(nn.Sequential(trunk, head), in_keys=["observation"], out_keys=["loc", "scale"])
+    state_input = StateInput(normalizer, features, obs_dim)
+    mlp = _mlp(state_input.out_dim, head.in_dim, hidden, activation, out_gain=0.01)
+    body = TensorDictModule(nn.Sequential(mlp, head), in_keys=["encoded"], out_keys=["loc", "scale"])
+    module = TensorDictSequential(_encoder(state_input), body, selected_out_keys=["loc", "scale"])
     return ProbabilisticActor(
         module,
         in_keys=["loc", "scale"],
@@ -165,12 +157,31 @@ def make_value(
     activation: type[nn.Module] = nn.ReLU,
     normalizer: Normalizer | None = None,
     features: RelativeFeatures | None = None,
-) -> ValueOperator:
+) -> TensorDictSequential:
     """A value network: "observation" (..., obs_dim) -> "state_value" (..., 1).
 
     Source: the paper's appendix B.
     """
-    return ValueOperator(_Trunk(obs_dim, 1, hidden, activation, normalizer, features, out_gain=1.0))
+    state_input = StateInput(normalizer, features, obs_dim)
+    mlp = _mlp(state_input.out_dim, 1, hidden, activation, out_gain=1.0)
+    body = ValueOperator(mlp, in_keys=["encoded"])
+    return TensorDictSequential(_encoder(state_input), body, selected_out_keys=["state_value"])
+
+
+def split_encoder(
+    policy: ProbabilisticActor, value: TensorDictSequential
+) -> tuple[TensorDictModule, ProbabilisticTensorDictSequential, TensorDictModule]:
+    """What policy and value of one skill share, and what is left of each: so that it is computed once for both.
+
+    Args:
+        policy: from `make_policy`.
+        value: from `make_value`, with the normaliser and features of the policy.
+
+    Returns:
+        The encoder, "observation" -> "encoded"; the policy and the value network on "encoded". Parameters are shared.
+    """
+    encoder, body = cast(TensorDictSequential, policy[0])
+    return encoder, ProbabilisticTensorDictSequential(body, policy[-1]), value[-1]
 
 
 class Discriminator(nn.Module):

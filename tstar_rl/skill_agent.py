@@ -19,10 +19,10 @@ from tstar_rl.skill_prior import (
     SkillModel,
     SkillModelSettings,
     SkillPrior,
-    StateInput,
     make_skill_actor,
     make_skill_critic,
 )
+from tstar_rl.state_input import StateInput
 
 __all__ = ["SkillAgent", "SkillPolicy", "load_skill"]
 

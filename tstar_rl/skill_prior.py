@@ -11,8 +11,7 @@ from tensordict.nn import InteractionType, TensorDictModule
 from torch import Tensor, nn
 from torchrl.modules import MLP, IndependentNormal, ProbabilisticActor, ValueOperator
 
-from tstar_rl.features import RelativeFeatures
-from tstar_rl.normalizer import Normalizer
+from tstar_rl.state_input import StateInput
 
 __all__ = [
     "ClosedLoopDecoder",
@@ -46,20 +45,6 @@ class SkillModelSettings:
     def __post_init__(self) -> None:
         if self.decoder not in ("open_loop", "closed_loop"):
             raise ValueError(f"decoder must be 'open_loop' or 'closed_loop', got {self.decoder!r}")
-
-
-class StateInput(nn.Module):
-    """What networks see of an observation: normalised, and beside it the features if there are any."""
-
-    def __init__(self, normalizer: Normalizer, features: RelativeFeatures | None = None) -> None:
-        super().__init__()
-        self.normalizer, self.features = normalizer, features
-        self.out_dim = OBSERVATION + (features.out_dim if features is not None else 0)
-
-    def forward(self, obs: Tensor) -> Tensor:
-        """obs: (..., 72) -> (..., out_dim)."""
-        x = self.normalizer(obs)
-        return x if self.features is None else torch.cat((x, self.features(obs)), -1)
 
 
 def split_gaussian(x: Tensor) -> tuple[Tensor, Tensor]:

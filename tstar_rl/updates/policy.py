@@ -2,18 +2,21 @@
 
 import math
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import torch
 from tensordict import TensorDict, TensorDictBase
+from tensordict.nn import TensorDictSequential
 from torch import Tensor, nn
-from torchrl.modules import ProbabilisticActor, ValueOperator
+from torchrl.modules import ProbabilisticActor
 from torchrl.objectives import ClipPPOLoss
 from torchrl.objectives.value import GAE
 
+from tstar_rl.networks import split_encoder
 from tstar_rl.updates.return_scale import ReturnScale
 
-PPO_KEYS = ("observation", "action", "action_log_prob", "advantage", "value_target")
+PPO_KEYS = ("encoded", "action", "action_log_prob", "advantage", "value_target")
 
 
 @dataclass(frozen=True)
@@ -46,8 +49,8 @@ class PolicyUpdate:
     """Proximal policy optimisation of a policy and its value network on one rollout.
 
     Args:
-        policy: writes "action_log_prob".
-        value: writes "state_value".
+        policy: from `make_policy`.
+        value: from `make_value`, of the same skill.
         settings: see `PPOSettings`.
         return_scale: used and updated if the settings say so.
         seed: of the order of minibatches.
@@ -58,7 +61,7 @@ class PolicyUpdate:
     def __init__(
         self,
         policy: ProbabilisticActor,
-        value: ValueOperator,
+        value: TensorDictSequential,
         settings: PPOSettings,
         return_scale: ReturnScale,
         seed: int = 0,
@@ -69,9 +72,10 @@ class PolicyUpdate:
         self.updates = self.actor_steps = 0
         self.actor_rate = settings.learning_rate
         self.carried = torch.zeros(())
+        self.encoder, actor, self.critic = split_encoder(policy, value)
         self.loss = ClipPPOLoss(
-            policy,
-            value,
+            actor,
+            self.critic,
             clip_epsilon=settings.clip_epsilon,
             entropy_bonus=settings.entropy_coeff > 0,
             entropy_coeff=settings.entropy_coeff,
@@ -86,14 +90,11 @@ class PolicyUpdate:
             value_network=None,
             deactivate_vmap=True,
         )
-        self.value = value
-        self.actor_parameters, self.critic_parameters = (
-            list(policy.parameters()),
-            list(value.parameters()),
-        )
+        self.actor_parameters, self.critic_parameters = list(actor.parameters()), list(value.parameters())
         critic_rate = settings.critic_learning_rate or settings.learning_rate
-        self.actor_optimizer = torch.optim.Adam(self.actor_parameters, settings.learning_rate, eps=1e-5)
-        self.critic_optimizer = torch.optim.Adam(self.critic_parameters, critic_rate, eps=1e-5)
+        adam = partial(torch.optim.Adam, eps=1e-5, fused=True)
+        self.actor_optimizer = adam(self.actor_parameters, lr=settings.learning_rate)
+        self.critic_optimizer = adam(self.critic_parameters, lr=critic_rate)
 
     def __call__(self, rollout: TensorDictBase, progress: float = 0.0) -> dict[str, float]:
         """One update on a rollout (N, T) with ("next", "reward"); progress in [0, 1] drives the linear decay."""
@@ -158,21 +159,22 @@ class PolicyUpdate:
         return self.gae(self._with_values(batch)).select(*PPO_KEYS).reshape(-1)
 
     def _with_values(self, batch: TensorDictBase) -> TensorDictBase:
-        """Adds "state_value" and ("next", "state_value") to a rollout (N, T), looking at each state once.
+        """Adds "encoded", "state_value" and ("next", "state_value") to a rollout (N, T), looking at each state once.
 
         A step's next state is the following step's state, but where an episode was truncated: that one, and the last
         of the rollout, are looked at themselves. What follows a terminated episode counts for nothing.
         """
 
-        def value(observation: Tensor) -> Tensor:
-            return self.value(TensorDict({"observation": observation}, observation.shape[:-1]))["state_value"]
+        def value(encoded: Tensor) -> Tensor:
+            return self.critic(TensorDict({"encoded": encoded}, encoded.shape[:-1]))["state_value"]
 
-        following = batch["next", "observation"]
-        values = value(batch["observation"])
-        next_values = torch.cat([values[:, 1:], value(following[:, -1:])], dim=1)
+        encode, following = self.encoder.module, batch["next", "observation"]
+        batch.set("encoded", encode(batch["observation"]))
+        values = value(batch["encoded"])
+        next_values = torch.cat([values[:, 1:], value(encode(following[:, -1:]))], dim=1)
         cut = (batch["next", "done"] & ~batch["next", "terminated"]).squeeze(-1)
         if bool(cut.any()):
-            next_values[cut] = value(following[cut])
+            next_values[cut] = value(encode(following[cut]))
         return batch.set("state_value", values).set(("next", "state_value"), next_values)
 
     def _set_learning_rates(self, progress: float) -> None:
