@@ -180,8 +180,9 @@ def split_encoder(
     Returns:
         The encoder, "observation" -> "encoded"; the policy and the value network on "encoded". Parameters are shared.
     """
-    encoder, body = cast(TensorDictSequential, policy[0])
-    return encoder, ProbabilisticTensorDictSequential(body, policy[-1]), value[-1]
+    encoder, body = (cast(TensorDictModule, module) for module in cast(TensorDictSequential, policy[0]))
+    actor = ProbabilisticTensorDictSequential(body, policy[-1])
+    return encoder, actor, cast(TensorDictModule, value[-1])
 
 
 class Discriminator(nn.Module):
