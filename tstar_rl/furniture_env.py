@@ -35,25 +35,28 @@ class FurnitureEnv(EnvBase):
         num_envs: simulations N.
         subtask: step of the recipe, 0-based; None runs the whole task, counting subtasks up in place.
         nthread: threads that step the simulations (0: all cores); results are the same bits at any number.
-        device: `cpu`.
+        device: `cpu`, or `cuda`: simulations, task and tensors are then on the GPU (extra `gpu`).
         seed: of the private generator of start noise.
         snapshots: write the snapshot of every step.
+        physics: the simulator, `mujoco` or `warp`; by default `mujoco` on the CPU and `warp` on a GPU. With
+            `device="cpu", physics="warp"` the GPU's simulator runs on the CPU, slowly: for tests.
         **settings: `tstar_envs.settings.TaskSettings` by name.
 
     Raises:
-        ValueError: unknown furniture, subtask, device or setting; an action of another shape or with NaN.
+        ValueError: unknown furniture, subtask, device, simulator or setting; an action of another shape or with NaN.
+        ImportError: the simulator needs the extra `gpu`.
     """
 
     batch_locked = True  # pyright: ignore[reportAssignmentType]
 
     def __init__(
         self, task: str, num_envs: int = 1, subtask: int | None = None, nthread: int = 0,
-        device: str | torch.device = "cpu", seed: int | None = None, snapshots: bool = False, **settings: Any,
+        device: str | torch.device = "cpu", seed: int | None = None, snapshots: bool = False,
+        physics: str | None = None, **settings: Any,
     ):  # fmt: skip
-        if torch.device(device).type != "cpu":
-            raise ValueError(f"FurnitureEnv simulates on device 'cpu' only, got {str(device)!r}")
-        super().__init__(device=torch.device(device), batch_size=torch.Size([num_envs]))
-        self.world = BatchedEnvironment(task, num_envs, subtask, nthread, seed, settings)
+        world = BatchedEnvironment(task, num_envs, subtask, nthread, seed, settings, device, physics)
+        super().__init__(device=world.physics.device, batch_size=torch.Size([num_envs]))
+        self.world = world
         self.snapshots = snapshots
         self._make_specs()
 
@@ -138,7 +141,7 @@ class FurnitureEnv(EnvBase):
         def act(tensordict: TensorDictBase) -> TensorDictBase:
             label = assembler.act(self.world.state).float()
             action = label.clone()
-            action[:, :7] += noise * torch.randn(self.num_envs, 7, generator=generator)
+            action[:, :7] += noise * torch.randn(self.num_envs, 7, generator=generator).to(action.device)
             return tensordict.set("expert_action", label).set("action", action.clamp(-1.0, 1.0))
 
         return act
@@ -152,7 +155,8 @@ class FurnitureEnv(EnvBase):
         }
 
     def load_state_dict(self, state_dict: dict[str, Any], *args, **kwargs) -> None:
-        self.world.generator.set_state(state_dict["generator"])
+        self.world.generator.set_state(state_dict["generator"].cpu())
+        self.world.task.starts.forget()
         self.world.restore(state_dict["snapshot"])
         self.world.failures = int(state_dict["failures"])
 
@@ -168,15 +172,15 @@ class FurnitureEnv(EnvBase):
         }
         if self.snapshots:
             observation["snapshot"] = _spec_of(self.snapshot())
-        self.observation_spec = Composite(observation, shape=shape)
-        self.action_spec = Bounded(-1.0, 1.0, torch.Size([*shape, NUM_ACTIONS]), dtype=torch.float32)
-        self.reward_spec = Composite({"reward_env": Unbounded(one)}, shape=shape)
-        self.done_spec = Composite(
-            {name: Binary(1, one, dtype=torch.bool) for name in _DONE_KEYS}, shape=shape
-        )
+        self.observation_spec = Composite(observation, shape=shape).to(self.device)
+        action = Bounded(-1.0, 1.0, torch.Size([*shape, NUM_ACTIONS]), dtype=torch.float32)
+        self.action_spec = action.to(self.device)
+        self.reward_spec = Composite({"reward_env": Unbounded(one)}, shape=shape).to(self.device)
+        done = {name: Binary(1, one, dtype=torch.bool) for name in _DONE_KEYS}
+        self.done_spec = Composite(done, shape=shape).to(self.device)
 
     def _reset(self, tensordict: TensorDictBase | None = None, **kwargs) -> TensorDictBase:
-        mask = torch.ones(self.num_envs, dtype=torch.bool)
+        mask = torch.ones(self.num_envs, dtype=torch.bool, device=self.device)
         if tensordict is not None and "_reset" in tensordict:
             mask = tensordict["_reset"].reshape(self.num_envs)
         injected = torch.zeros_like(mask)
@@ -186,8 +190,8 @@ class FurnitureEnv(EnvBase):
             self.world.reset(mask & ~injected)
         if bool(injected.any()):
             self.world.reset_to(tensordict["start", "snapshot"], injected)
-        out = self._observe()
-        return out.update({name: torch.zeros(self.num_envs, 1, dtype=torch.bool) for name in _DONE_KEYS})
+        running = torch.zeros(self.num_envs, 1, dtype=torch.bool, device=self.device)
+        return self._observe().update({name: running.clone() for name in _DONE_KEYS})
 
     def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
         self.world.step(tensordict["action"])
@@ -206,7 +210,7 @@ class FurnitureEnv(EnvBase):
         out["observation"] = self.world.observation().float()
         if self.snapshots:
             out["snapshot"] = self.snapshot()
-        return TensorDict(out, self.batch_size)
+        return TensorDict(out, self.batch_size, device=self.device)
 
     def _set_seed(self, seed: int | None) -> None:
         self.world.seed(seed)

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from tstar_envs.experts.assembler import Assembler
 from tstar_envs.furniture import library
-from tstar_envs.physics.cpu import CpuPhysics
+from tstar_envs.physics.simulators import make_physics
 from tstar_envs.scene import SUBSTEPS, build_model
 from tstar_envs.settings import TaskSettings
 from tstar_envs.state_edit import StateEditor
@@ -37,11 +37,14 @@ class BatchedEnvironment:
         nthread: threads that step the simulations, 0 for all cores. Results do not depend on it.
         seed: of the private random generator of start noise; None draws one.
         settings: `TaskSettings`, or plain values of its fields.
+        device: where the simulations and all tensors are, `cpu` or `cuda`.
+        physics: `mujoco` or `warp`; None takes what simulates on `device` best. See `physics.simulators`.
     """
 
     def __init__(
         self, name: str, num_sims: int = 1, subtask: int | None = None, nthread: int = 0, seed: int | None = None,
-        settings: TaskSettings | Mapping[str, Any] | None = None,
+        settings: TaskSettings | Mapping[str, Any] | None = None, device: str | torch.device = "cpu",
+        physics: str | None = None,
     ):  # fmt: skip
         self.name, self.furniture = name, library.load(name)
         whole_number = isinstance(subtask, int) and not isinstance(subtask, bool)
@@ -57,10 +60,10 @@ class BatchedEnvironment:
         )
         self.subtask, self.num_sims = subtask, num_sims
         self.model = build_model(self.furniture)
-        self.physics = CpuPhysics(self.model, num_sims, nthread)
+        self.physics = make_physics(self.model, num_sims, nthread, device, physics)
         self.generator = torch.Generator()
-        self.seed(seed)
         self.task = Assembly(self.furniture, self.physics, subtask, self.settings, self.generator)
+        self.seed(seed)
         self.state = self.task.new_state()
         self._editor = StateEditor(self.model, self.task.tables)
         self.failures = 0
@@ -85,6 +88,7 @@ class BatchedEnvironment:
 
     def seed(self, seed: int | None) -> int:
         """Seeds the private generator and returns the seed used."""
+        self.task.starts.forget()
         if seed is None:
             return self.generator.seed()
         self.generator.manual_seed(seed)

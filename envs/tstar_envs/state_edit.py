@@ -8,6 +8,7 @@ from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 
 from tstar_envs import connection, geometry
+from tstar_envs.physics.state_row import row_slice
 from tstar_envs.robots import sawyer
 from tstar_envs.tasks.recipe_tables import RecipeTables
 
@@ -73,8 +74,8 @@ class StateEditor:
         return connection.align(*ends, self.tables.allowed_angles[k].expand(len(moving), -1)).aligned
 
     def _fits(self, qpos: Tensor, active: Tensor) -> bool:
-        self._data.qpos[:] = qpos.numpy()
-        self._data.eq_active[:] = active.numpy()
+        self._data.qpos[:] = qpos.cpu().numpy()
+        self._data.eq_active[:] = active.cpu().numpy()
         mujoco.mj_fwdPosition(self.model, self._data)
         limited = self.model.jnt_limited.astype(bool)
         at = self._data.qpos[self.model.jnt_qposadr[limited]]
@@ -84,11 +85,4 @@ class StateEditor:
         return bool(deepest > -MAX_PENETRATION and (at > low - slack).all() and (at < high + slack).all())
 
     def _slice(self, component: mujoco.mjtState) -> slice:
-        """Where a component lies in the integration row."""
-        full = mujoco.mjtState.mjSTATE_INTEGRATION.value
-        before = sum(
-            mujoco.mj_stateSize(self.model, 1 << bit)
-            for bit in range(component.value.bit_length() - 1)
-            if full & (1 << bit)
-        )
-        return slice(before, before + mujoco.mj_stateSize(self.model, component.value))
+        return row_slice(self.model, component)

@@ -21,6 +21,8 @@ class CpuPhysics:
     Results are the same bits at any thread count. MuJoCo keeps one MjData per simulation, as sleep needs.
     """
 
+    steps_together = False
+
     def __init__(self, model: mujoco.MjModel, num_sims: int, nthread: int = 0):
         self.model = model
         self.num_sims = num_sims

@@ -17,11 +17,14 @@ class PhysicsView(Protocol):
 
     num_sims: int
     device: torch.device
+    steps_together: bool  # advancing some simulations costs as much as advancing all of them
     qpos: Tensor  # (N, nq)
     qvel: Tensor  # (N, nv)
     ctrl: Tensor  # (N, nu)
     eq_active: Tensor  # (N, num_welds), 0 or 1
-    eq_data: Tensor  # (N, num_welds, 11): anchor 3, relative position 3, relative quaternion 4, torque scale
+    eq_data: (
+        Tensor  # (N, num_welds, W): anchor 3, relative position 3, relative quaternion 4, then torque scale
+    )
 
     def body_pose(self, name: str) -> Tensor:
         """Pose of a free body, (N, 7): position and quaternion. A live view of `qpos`."""
@@ -60,5 +63,5 @@ class PhysicsView(Protocol):
         ...
 
     def set_state(self, rows: Tensor, welds: Tensor, mask: Tensor | None = None) -> None:
-        """Restores states (N, S) and weld poses (N, num_welds, 11) in the simulations of `mask`."""
+        """Restores states (N, S) and weld poses (N, num_welds, W) in the simulations of `mask`."""
         ...

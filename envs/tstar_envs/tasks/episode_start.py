@@ -29,11 +29,37 @@ class EpisodeStarts:
             [*sawyer.HOME_QPOS, *sawyer.FINGER_OPEN], dtype=torch.float64, device=physics.device
         )
         self._home = home
+        self._made: MadeStarts | None = None
         self._jittered = settings.preassembled == "jitter"
         self._ideal = [tables.ideal_relative_pose(k) for k in range(tables.num_steps)]
 
     def place(self, mask: Tensor, subtask: int) -> None:
         """Starts the simulations of `mask` at `subtask`, with the steps before it preassembled.
+
+        Where a simulator can only step all its simulations together, starts are made N at a time and handed out: a
+        few simulations that end would otherwise make all of them wait while their parts settle.
+        """
+        if not self.physics.steps_together:
+            return self._make(mask, subtask)
+        wanted = int(mask.sum())
+        if self._made is None or self._made.subtask != subtask or self._made.left < wanted:
+            self._made = self._make_all(subtask)
+        self.physics.set_state(*self._made.take(mask, wanted), mask)
+
+    def forget(self) -> None:
+        """Drops starts made in advance, so that the next ones are drawn from the generator as it is now."""
+        self._made = None
+
+    def _make_all(self, subtask: int) -> MadeStarts:
+        """Makes N starts, and leaves the simulations as they are."""
+        now = self.physics.state(), self.physics.eq_data.clone()
+        self._make(torch.ones(self.physics.num_sims, dtype=torch.bool, device=self.physics.device), subtask)
+        made = MadeStarts(subtask, self.physics.state(), self.physics.eq_data.clone())
+        self.physics.set_state(*now)
+        return made
+
+    def _make(self, mask: Tensor, subtask: int) -> None:
+        """Places the parts in the simulations of `mask` and lets them settle.
 
         Every call draws noise for all N simulations, so a simulation's draws do not depend on the mask of others.
         """
@@ -101,3 +127,20 @@ class EpisodeStarts:
         """(N, *shape) in [-1, 1)."""
         draw = torch.rand(self.physics.num_sims, *shape, generator=self.generator, dtype=torch.float64)
         return (2 * draw - 1).to(self.physics.device)
+
+
+class MadeStarts:
+    """Start states made in advance: rows (N, S) and weld poses (N, welds, W), taken in order."""
+
+    def __init__(self, subtask: int, rows: Tensor, welds: Tensor):
+        self.subtask, self._rows, self._welds, self._taken = subtask, rows, welds, 0
+
+    @property
+    def left(self) -> int:
+        return len(self._rows) - self._taken
+
+    def take(self, mask: Tensor, wanted: int) -> tuple[Tensor, Tensor]:
+        """The next `wanted` starts at the places of `mask`, rows and weld poses, (N, ...); the rest means nothing."""
+        places = (self._taken + mask.cumsum(0) - 1).clamp(0, len(self._rows) - 1)
+        self._taken += wanted
+        return self._rows[places], self._welds[places]

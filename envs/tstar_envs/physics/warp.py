@@ -1,0 +1,239 @@
+"""N simulations on a GPU: `mujoco_warp` behind `PhysicsView`. It also runs on Warp's CPU device, for tests.
+
+Warp simulates in single precision; outward every tensor is float64, so that the task computes as it does on the
+processor. A float64 tensor and Warp's own array (which torch reads in place) are copied to each other on the device,
+once a call. Nothing goes through the host, and on a GPU every substep is one launch of a recorded CUDA graph.
+
+Guarantee: a restored state has the same future as the uninterrupted one, bit for bit on Warp's CPU device. On a GPU
+contacts are found in any order, so two runs agree to rounding only. Rows are laid out as MuJoCo's: a snapshot taken
+by one simulator, rounded to single precision, is a start for the other.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable
+from typing import Any
+
+import mujoco
+import torch
+from torch import Tensor
+
+from tstar_envs.physics.state_row import row_size, row_slice
+from tstar_envs.physics.warp_scene import room, warp_model
+
+_STATE = mujoco.mjtState
+_TOO_LARGE = 1e10
+"""MuJoCo gives up on a simulation with a position or velocity beyond this."""
+
+
+class WarpPhysics:
+    """`PhysicsView` on `num_sims` simulations on `device`: a CUDA device, or `cpu`.
+
+    Raises:
+        ImportError: the extra `gpu` is not installed.
+        ValueError: `device` is a CUDA device and there is none.
+    """
+
+    steps_together = True
+
+    def __init__(self, model: mujoco.MjModel, num_sims: int, device: str | torch.device = "cuda"):
+        self._warp, self._mujoco_warp = _libraries()
+        self.model, self.num_sims, self.device = model, num_sims, _checked(torch.device(device))
+        self._place = self._warp.device_from_torch(self.device)
+        scene, self.room = warp_model(model), room(model)
+        with self._warp.ScopedDevice(self._place):
+            self._model = self._mujoco_warp.put_model(scene, batch_sizes={"eq_data": num_sims})
+            self._data = self._mujoco_warp.make_data(
+                scene, nworld=num_sims, nconmax=self.room.contacts, njmax=self.room.rows
+            )
+            self._warp.synchronize_device()
+        self._model.opt.warn_overflow = 0  # an error of our own says it
+        self._blind = _without_sensors(self._model)
+        self._overflow = self._raw(self._data.overflow)
+        state = {name: self._raw(getattr(self._data, name)) for name in ("qpos", "qvel", "ctrl", "eq_active")}
+        state["eq_data"] = self._raw(self._model.eq_data)
+        self._time, self._warmstart = self._raw(self._data.time), self._raw(self._data.qacc_warmstart)
+        self._state = {name: (raw, raw.double()) for name, raw in state.items()}
+        self.qpos, self.qvel, self.ctrl, self.eq_active, self.eq_data = (x for _, x in self._state.values())
+        self._derived: dict[str, tuple[Tensor, Tensor]] = {}
+        self._rows = {c: row_slice(model, c) for c in _COMPONENTS}
+        self._start = {name: value.clone() for name, (_, value) in self._state.items()}
+        self._sensors = self._follow("sensordata")
+        self._substep, self._derive = self._recorded(self._advance_once), self._recorded(self._look)
+        self.clear(torch.ones(num_sims, dtype=torch.bool, device=self.device))
+        self.forward()
+
+    def body_pose(self, name: str) -> Tensor:
+        address = self.model.jnt_qposadr[self.model.joint(name).id]
+        return self.qpos[:, address : address + 7]
+
+    def site_pose(self, name: str) -> tuple[Tensor, Tensor]:
+        site = self.model.site(name).id
+        return self._follow("site_xpos")[:, site], self._follow("site_xmat")[:, site]
+
+    def joint_frames(self, count: int) -> tuple[Tensor, Tensor]:
+        return self._follow("xanchor")[:, :count], self._follow("xaxis")[:, :count]
+
+    def sensor(self, name: str) -> Tensor:
+        sensor = self.model.sensor(name)
+        return self._sensors[:, sensor.adr[0] : sensor.adr[0] + sensor.dim[0]]
+
+    def step(self, substeps: int) -> Tensor:
+        self._push()
+        for _ in range(substeps):
+            self._substep()
+        for name in ("qpos", "qvel"):
+            raw, value = self._state[name]
+            value.copy_(raw)
+        self._refresh()
+        self._check_room()
+        sound = (self.qpos.abs() < _TOO_LARGE).all(-1) & (self.qvel.abs() < _TOO_LARGE).all(-1)  # NaN is not
+        return ~sound
+
+    def settle(self, mask: Tensor, substeps: int) -> Tensor:
+        before, welds = self.state(), self.eq_data.clone()
+        failed = self.step(substeps)
+        self.set_state(before, welds, ~mask)
+        return failed & mask
+
+    def forward(self, mask: Tensor | None = None) -> None:
+        self._push()
+        self._refresh()
+
+    def clear(self, mask: Tensor) -> None:
+        for name, (_, value) in self._state.items():
+            _put(value, self._start[name], mask)
+        for raw in (self._warmstart, self._time):
+            _put(raw, torch.zeros_like(raw), mask)
+
+    def state(self) -> Tensor:
+        rows = torch.zeros(self.num_sims, row_size(self.model), dtype=torch.float64, device=self.device)
+        for component, part in zip(_COMPONENTS, self._parts(), strict=True):
+            rows[:, self._rows[component]] = part.reshape(self.num_sims, -1).double()
+        return rows
+
+    def set_state(self, rows: Tensor, welds: Tensor, mask: Tensor | None = None) -> None:
+        if mask is None:
+            mask = torch.ones(self.num_sims, dtype=torch.bool, device=self.device)
+        for component, part in zip(_COMPONENTS, self._parts(), strict=True):
+            _put(part, rows[:, self._rows[component]].reshape(part.shape), mask)
+        _put(self.eq_data, welds, mask)
+        self.forward(mask)
+
+    def _parts(self) -> tuple[Tensor, ...]:
+        return self._time, self.qpos, self.qvel, self._warmstart, self.ctrl, self.eq_active
+
+    def _raw(self, array: Any) -> Tensor:
+        return self._warp.to_torch(array, requires_grad=False)
+
+    def _follow(self, name: str) -> Tensor:
+        """A derived field of Warp's data as a float64 tensor that every later call brings up to date."""
+        if name not in self._derived:
+            raw = self._raw(getattr(self._data, name))
+            self._derived[name] = raw, raw.double()
+        return self._derived[name][1]
+
+    def _push(self) -> None:
+        for raw, value in self._state.values():
+            raw.copy_(value)
+
+    def _refresh(self) -> None:
+        self._derive()
+        for raw, value in self._derived.values():
+            value.copy_(raw)
+
+    def _advance_once(self) -> None:
+        self._mujoco_warp.step(self._blind, self._data)
+
+    def _look(self) -> None:
+        """What follows from positions and velocities, sensors included, without any dynamics."""
+        engine, model, data = self._mujoco_warp, self._model, self._data
+        engine.fwd_kinematics(model, data)
+        engine.collision(model, data)
+        data.sensordata.zero_()
+        engine.sensor_pos(model, data)
+        engine.com_vel(model, data)
+        engine.sensor_vel(model, data)
+
+    def _recorded(self, work: Callable[[], None]) -> Callable[[], None]:
+        """`work` on Warp's device; on a GPU recorded once, as a graph that torch's stream then launches."""
+        warp = self._warp
+
+        def plain() -> None:
+            with warp.ScopedDevice(self._place):
+                work()
+
+        if self.device.type != "cuda":
+            return plain
+        plain()  # compiles the kernels: nothing may be loaded while recording
+        warp.synchronize_device(self._place)
+        with warp.ScopedCapture(self._place) as capture:
+            plain()
+
+        def launch() -> None:
+            stream = warp.stream_from_torch(torch.cuda.current_stream(self.device))
+            warp.capture_launch(capture.graph, stream=stream)
+
+        return launch
+
+    def _check_room(self) -> None:
+        kinds = self._mujoco_warp.OverflowType
+        lost = kinds.NEFC | kinds.NJMAX_NNZ | kinds.BROADPHASE | kinds.NARROWPHASE | kinds.CCD
+        full = (self._overflow & int(lost)) != 0
+        if bool(full.any()):
+            raise RuntimeError(
+                f"simulation {int(full.nonzero()[0])} needs more room than {self.room.contacts} contacts and "
+                f"{self.room.rows} constraint rows; `room` in tstar_envs/physics/warp_scene.py estimates them "
+                "from the scene: raise it for this furniture"
+            )
+
+
+_COMPONENTS = (
+    _STATE.mjSTATE_TIME,
+    _STATE.mjSTATE_QPOS,
+    _STATE.mjSTATE_QVEL,
+    _STATE.mjSTATE_WARMSTART,
+    _STATE.mjSTATE_CTRL,
+    _STATE.mjSTATE_EQ_ACTIVE,
+)
+"""What a row holds of these scenes; forces applied from outside, which nothing here uses, stay zero."""
+
+
+def _put(target: Tensor, value: Tensor, mask: Tensor) -> None:
+    """Writes the rows of `mask` in place; indexing with the mask would ask the host for its size."""
+    where = mask.reshape(-1, *[1] * (target.ndim - 1))
+    target.copy_(torch.where(where, value.to(target.dtype), target))
+
+
+def _without_sensors(model: Any) -> Any:
+    """Warp's model, its arrays shared, without sensors: nothing reads them between the substeps of a control step."""
+    model = copy.copy(model)
+    model.opt = copy.copy(model.opt)
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_SENSOR.value
+    return model
+
+
+def _libraries() -> tuple[Any, Any]:
+    try:
+        import mujoco_warp
+        import warp
+    except ImportError as error:
+        raise ImportError(
+            "simulating on a GPU (device='cuda', or physics='warp') needs the extra 'gpu': "
+            "pip install 'tstar_rl[gpu]', or pip install -e '.[gpu]' in a clone"
+        ) from error
+    warp.config.log_level = max(warp.config.log_level, warp.LOG_WARNING)  # not a line for every kernel loaded
+    warp.init()
+    return warp, mujoco_warp
+
+
+def _checked(device: torch.device) -> torch.device:
+    if device.type != "cuda":
+        return device
+    if not torch.cuda.is_available():
+        raise ValueError(
+            f"device {str(device)!r} was asked for, but torch finds no CUDA device; device='cpu' simulates with "
+            "MuJoCo, and physics='warp' beside it with the GPU's simulator on the processor (slowly: for tests)"
+        )
+    return torch.device("cuda", torch.cuda.current_device() if device.index is None else device.index)
