@@ -1,4 +1,4 @@
-"""The Gymnasium front: Gymnasium's own contract, its autoreset modes, the same numbers as the other fronts."""
+"""The Gymnasium front: Gymnasium's own contract, the same numbers as the other fronts."""
 
 import warnings
 
@@ -6,9 +6,9 @@ import gymnasium
 import numpy as np
 import pytest
 import torch
-from gymnasium.utils.env_checker import check_env, data_equivalence
-from gymnasium.vector import AutoresetMode
+from gymnasium.utils.env_checker import check_env
 from tensordict import TensorDict
+from test_gymnasium_vector_env import ID, actions, make_vec
 
 import tstar_envs
 from tstar_envs import rendering
@@ -16,16 +16,7 @@ from tstar_envs.furniture import names
 from tstar_envs.gymnasium_env import environment_id
 from tstar_rl.furniture_env import FurnitureEnv
 
-TASK, ID = "table_lack", "tstar/TableLack-v0"
-STILL = {"part_noise": 0.0, "part_noise_degrees": 0.0, "arm_noise": 0.0}
-
-
-def make_vec(num_envs=2, **settings):
-    return gymnasium.make_vec(ID, num_envs, "vector_entry_point", **settings)
-
-
-def actions(*shape, seed=0):
-    return np.random.default_rng(seed).uniform(-1, 1, shape).astype(np.float32)
+TASK = "table_lack"
 
 
 @pytest.fixture(scope="module")
@@ -132,44 +123,6 @@ def test_success_terminates_pays_and_is_in_the_info():
         total += reward
     assert last == {"success": True, "subtask": 1, "phase": 1, "completed": 1}
     assert total > 0.05 * 50000  # eight bonuses of 5000, some of them doubled
-
-
-@pytest.mark.parametrize("mode", list(AutoresetMode))
-def test_a_vector_does_what_gymnasiums_own_does(mode):
-    """Against `SyncVectorEnv` in the same mode; without noise all episodes begin alike, so they compare to the bit.
-
-    A reset by mask in step 2 makes the rows end at different times.
-    """
-    settings = {"subtask": 1, "max_steps": 4, **STILL}
-    ours = make_vec(autoreset_mode=mode, **settings)
-    theirs = gymnasium.make_vec(ID, 2, "sync", {"autoreset_mode": mode}, **settings)
-    assert ours.metadata["autoreset_mode"] is theirs.metadata["autoreset_mode"] is mode
-    assert ours.observation_space == theirs.observation_space and ours.action_space == theirs.action_space
-    assert_same(ours.reset(seed=0), theirs.reset(seed=0))
-    ended, seen = np.zeros(2, dtype=bool), set()
-    for i, action in enumerate(actions(14, 2, 9)):
-        again = np.array([True, False]) if i == 2 else ended
-        if i == 2 or (mode is AutoresetMode.DISABLED and ended.any()):
-            assert_same(*(env.reset(options={"reset_mask": again}) for env in (ours, theirs)))
-        one, other = ours.step(action), theirs.step(action)
-        assert_same(one, other)
-        ended = one[2] | one[3]
-        seen.add(tuple(ended.tolist()))
-    assert seen == {(False, False), (True, False), (False, True)}
-
-
-def assert_same(ours, theirs):
-    """Everything a reset or a step returns, dtypes and keys too."""
-    for one, other in zip(ours, theirs, strict=True):
-        assert data_equivalence(one, other, exact=True), f"{one} is not {other}"
-
-
-def test_a_step_ignores_the_action_of_a_row_that_it_resets():
-    env = make_vec(subtask=0, max_steps=1)
-    env.reset(seed=0)
-    assert env.step(np.zeros((2, 9)))[3].all()
-    _, rewards, terminated, truncated, _ = env.step(np.full((2, 9), np.nan))
-    assert not rewards.any() and not terminated.any() and not truncated.any()
 
 
 def test_pictures():

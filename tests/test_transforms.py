@@ -1,142 +1,20 @@
-"""One contract that every transform meets, then what each of them does."""
+"""What each transform does; the contract that all of them meet is in `test_transform_contract.py`."""
 
 import pytest
 import torch
 from tensordict import TensorDict
-from tensordict.nn import TensorDictModule
-from torch import nn
 from torch.testing import assert_close
-from torchrl.collectors import Collector
-from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
-from torchrl.envs import Compose, SerialEnv, StepCounter, TransformedEnv
-from torchrl.envs.utils import check_env_specs
+from torchrl.envs import Compose, TransformedEnv
+from transform_parts import FixedStarts, Slot
 
-from tstar_rl.starts import MixedStarts
 from tstar_rl.transforms import (
     ConstantBonus,
     EpisodeStart,
     GAILReward,
     RewardMixture,
     SkillChainReset,
-    SkillExecution,
     TerminalStateReward,
 )
-
-
-class Slot(nn.Module):
-    """Scores an observation by one of its numbers."""
-
-    def __init__(self, index: int = 0) -> None:
-        super().__init__()
-        self.index = index
-
-    def forward(self, obs):
-        return obs[..., self.index : self.index + 1]
-
-
-class FixedStarts:
-    """Starts at a position of 0.9."""
-
-    def __init__(self, available: bool = True) -> None:
-        self.available = available
-
-    def sample(self, n, generator):
-        n = n if self.available else 0
-        physics = torch.zeros(n, 4, dtype=torch.float64)
-        physics[:, 0] = 0.9
-        task = TensorDict({"steps": torch.zeros(n, dtype=torch.int64)}, [n])
-        welds = torch.zeros(n, 2, 11, dtype=torch.float64)
-        return TensorDict({"physics": physics, "welds": welds, "task": task}, [n])
-
-
-def repeat(skill, observation, step):
-    """A decoder: the skill is its action, every time."""
-    return skill
-
-
-# name: (how to make it, what it writes below "next", whether loose steps will do)
-TRANSFORMS = {
-    "GAILReward": (lambda: GAILReward(Slot()), "reward_gail", True),
-    "GAILReward next": (lambda: GAILReward(Slot(), state="next"), "reward_gail", True),
-    "TerminalStateReward": (lambda: TerminalStateReward(Slot()), "reward_tsr", True),
-    "TerminalStateReward before": (lambda: TerminalStateReward(Slot(), score="before"), "reward_tsr", True),
-    "RewardMixture": (lambda: RewardMixture(lambda_2=0.0), "reward", True),
-    "EpisodeStart": (EpisodeStart, "start_observation", False),
-    "SkillChainReset": (lambda: SkillChainReset(FixedStarts()), None, False),
-    "SkillChainReset mixed": (lambda: SkillChainReset(MixedStarts([FixedStarts()] * 2, [1, 7])), None, False),
-    "SkillExecution": (lambda: SkillExecution(repeat, 9, 2, skill_key="action"), "skill_steps", False),
-}
-contract = pytest.mark.parametrize("name", TRANSFORMS)
-
-
-@contract
-class TestContract:
-    """Where TorchRL may put a transform: in an env (batched, serial), composed, before a model, in a buffer."""
-
-    def test_specs_of_an_env(self, name, make_env):
-        make, _, _ = TRANSFORMS[name]
-        check_env_specs(TransformedEnv(make_env(), make()))
-        check_env_specs(TransformedEnv(make_env(), Compose(StepCounter(), make())))
-
-    def test_batched_rollout(self, name, make_env, policy):
-        make, key, _ = TRANSFORMS[name]
-        rollout = TransformedEnv(make_env(), make()).rollout(6, policy, break_when_any_done=False)
-        assert rollout.batch_size == (3, 6)
-        if key:
-            assert rollout["next", key].shape[:2] == (3, 6)
-
-    def test_serial_env_equals_one_by_one(self, name, make_env, policy):
-        make, key, _ = TRANSFORMS[name]
-        inside = SerialEnv(
-            2,
-            [
-                lambda: TransformedEnv(make_env(seed=1), make()),
-                lambda: TransformedEnv(make_env(seed=2), make()),
-            ],
-        )
-        serial = inside.rollout(6, policy, break_when_any_done=False)
-        alone = TransformedEnv(make_env(seed=2), make()).rollout(6, policy, break_when_any_done=False)
-        assert_close(serial["next", "observation"][1], alone["next", "observation"])
-        if key:
-            assert_close(serial["next", key][1], alone["next", key])
-
-    def test_around_a_serial_env(self, name, make_env, policy):
-        make, key, _ = TRANSFORMS[name]
-        env = TransformedEnv(SerialEnv(2, make_env), make())
-        rollout = env.rollout(6, policy, break_when_any_done=False)
-        assert rollout.batch_size == (2, 3, 6)
-        if key:
-            assert rollout["next", key].shape[:3] == (2, 3, 6)
-
-    def test_collector(self, name, make_env, policy):
-        make, key, _ = TRANSFORMS[name]
-        env = TransformedEnv(make_env(), make())
-        collector = Collector(
-            env, policy, frames_per_batch=12, total_frames=24, auto_register_policy_transforms=False
-        )
-        batches = list(collector)
-        assert [batch.batch_size for batch in batches] == [(3, 4), (3, 4)]
-        assert key is None or all(("next", key) in batch.keys(True) for batch in batches)
-
-    def test_elsewhere_equals_in_the_env_or_raises(self, name, make_env, policy):
-        make, key, loose = TRANSFORMS[name]
-        inside = TransformedEnv(make_env(), make()).rollout(6, policy, break_when_any_done=False)
-        bare = make_env().rollout(6, policy, break_when_any_done=False)
-        buffer = TensorDictReplayBuffer(storage=LazyTensorStorage(18), batch_size=18, transform=make())
-        buffer.extend(bare.reshape(-1))
-        before_a_model = nn.Sequential(make(), TensorDictModule(nn.Identity(), ["observation"], ["copy"]))
-        if not loose:
-            for use in (make(), before_a_model, Compose(make())):
-                with pytest.raises(NotImplementedError, match="append it to an environment"):
-                    use(bare.clone())
-            with pytest.raises(NotImplementedError, match="append it to an environment"):
-                buffer.sample()
-            return
-        for use in (make(), before_a_model, Compose(make())):
-            assert_close(use(bare.clone())["next", key], inside["next", key])
-        assert_close(buffer.sample()["next", key].shape, torch.Size([18, 1]))
-        with pytest.raises(KeyError, match="needs steps"):
-            make()(bare["next"].clone())
 
 
 def steps(observation, following, success=(False, False), **rewards):

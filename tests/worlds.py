@@ -1,0 +1,40 @@
+"""Batches of the assembly task for tests, one episode of them, and where their parts are."""
+
+import torch
+from torch import Tensor
+
+import tstar_envs
+from tstar_envs import geometry
+from tstar_envs.environment import BatchedEnvironment
+
+PIECES = ("table_lack", "chair_ingolf")
+
+
+def make(
+    num_sims: int = 4, subtask: int | None = 0, seed: int = 0, name: str = "table_lack", **settings
+) -> BatchedEnvironment:
+    world = tstar_envs.load(name, num_sims, subtask, 1, seed, **settings)
+    world.reset()
+    return world
+
+
+def run(world: BatchedEnvironment, act) -> tuple[Tensor, Tensor]:
+    """One episode of every simulation: success (N,) and undiscounted return (N,)."""
+    running = torch.ones(world.num_sims, dtype=torch.bool)
+    success, returns = torch.zeros_like(running), torch.zeros(world.num_sims, dtype=torch.float64)
+    while running.any():
+        world.step(act(world.state))
+        returns += world.state["reward"] * running
+        success |= world.state["success"] & running
+        terminated, truncated = world.task.get_termination(world.state)
+        running &= ~(terminated | truncated)
+    return success, returns
+
+
+def relative_poses(world: BatchedEnvironment, step: int) -> Tensor:
+    """(N, 7) of the moving part in its target's frame."""
+    tables, poses = world.task.tables, world.task.part_poses
+    target, moving = poses[:, tables.target[step]], poses[:, tables.moving[step]]
+    return torch.cat(
+        geometry.relative_pose(target[:, :3], target[:, 3:], moving[:, :3], moving[:, 3:]), dim=-1
+    )
