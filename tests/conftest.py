@@ -9,6 +9,15 @@ from torchrl.envs import EnvBase
 torch.set_num_threads(1)  # the tests' networks are small: more threads wait for each other
 
 
+def pytest_collection_modifyitems(items) -> None:
+    """Skips what needs a GPU where there is none."""
+    if torch.cuda.is_available():
+        return
+    for item in items:
+        if item.get_closest_marker("gpu"):
+            item.add_marker(pytest.mark.skip(reason="no CUDA device here"))
+
+
 class PointEnv(EnvBase):
     """A point on a line: action 0 moves it, past 1 is a success, below -1 a failure.
 
