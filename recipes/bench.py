@@ -11,6 +11,7 @@ for `env` and `torchrl_*`, `bare_policy` for `env_policy` and `train`.
 import os
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from statistics import median
@@ -43,6 +44,17 @@ from tstar_rl.updates import (
     behaviour_cloning,
     make_f_phi_update,
 )
+
+
+@dataclass(frozen=True)
+class BenchSection:
+    """The section `bench` of `configs/recipe/bench.yaml`."""
+
+    steps: int
+    rounds: int
+    updates: int
+    workers: tuple[int, ...]
+    worker_steps: int
 
 
 class Replay:
@@ -140,7 +152,7 @@ class Training:
         return steps / (time.perf_counter() - began)
 
 
-@recipe("bench")
+@recipe("bench", bench=BenchSection)
 def main(config: DictConfig) -> None:
     """Measures, prints and writes <results_dir>/bench.csv."""
     bench, seed = config.bench, derive_seed(config.seed, "train")

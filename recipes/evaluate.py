@@ -21,7 +21,7 @@ from tstar_rl.logging import append_rows, run_path
 from tstar_rl.skill_agent import load_skill
 
 
-@recipe("evaluate")
+@recipe("evaluate", path=str | None, checkpoints=tuple[str, ...], modes=tuple[str, ...], video=bool)
 def main(config: DictConfig) -> None:
     """Evaluates, prints the table and adds it to evaluation.csv."""
     results, checkpoints = _places(config)

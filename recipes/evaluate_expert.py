@@ -14,7 +14,7 @@ from tstar_rl.evaluation import Recorder, evaluate
 from tstar_rl.logging import append_rows, run_path
 
 
-@recipe("evaluate_expert")
+@recipe("evaluate_expert", video=bool)
 def main(config: DictConfig) -> None:
     """Evaluates the whole task and each subtask, or the one asked for; adds rows to their evaluation.csv."""
     asked = [None, *range(config.task.subtasks)] if config.subtask is None else [config.subtask]

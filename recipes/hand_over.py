@@ -25,7 +25,7 @@ from tstar_rl.skill import Skill
 from tstar_rl.state_sets import TerminationSet
 
 
-@recipe("hand_over")
+@recipe("hand_over", checkpoint=str, systems=tuple[str, ...])
 def main(config: DictConfig) -> None:
     """Tries every chain, writes and prints the table."""
     rows = [row for system in config.systems for row in _follow(config, system, _skills(config, system))]

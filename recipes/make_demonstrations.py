@@ -15,7 +15,7 @@ from tstar_rl.demonstrate import collect
 from tstar_rl.demonstrations import KINDS
 
 
-@recipe("make_demonstrations")
+@recipe("make_demonstrations", kinds=tuple[str, ...], whole=bool)
 def main(config: DictConfig) -> None:
     """Writes the files that are not there yet."""
     one = [None] if config.whole else range(config.task.subtasks)

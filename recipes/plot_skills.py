@@ -13,7 +13,7 @@ from tstar_rl.skill_agent import SkillAgent
 from tstar_rl.skill_plots import draw_skills, moments, play_skills
 
 
-@recipe("plot_skills")
+@recipe("plot_skills", checkpoint=str, states=int, draws=int)
 def main(config: DictConfig) -> None:
     """Plays, writes and draws."""
     place = (config.task.name, "spirl", config.seed, config.subtask)
@@ -22,7 +22,7 @@ def main(config: DictConfig) -> None:
     rows = moments(expert, config.states, agent.settings.horizon)
     seed = derive_seed(config.seed, "evaluate", config.subtask)
     torch.manual_seed(seed)
-    env = environment(config, config.subtask, config.states * config.skills, seed)
+    env = environment(config, config.subtask, config.states * config.draws, seed)
     paths = play_skills(agent, env, expert, rows)
     results = run_path(config.results_dir, *place)
     paths.to_csv(results / "skills.csv", index=False)

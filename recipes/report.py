@@ -21,7 +21,7 @@ COLUMNS = {
 }
 
 
-@recipe("report")
+@recipe("report", docs_dir=str, readme=str, paper=str, notes=str, figures=bool)
 def main(config: DictConfig) -> None:
     """Writes and says where."""
     page, readme = Path(config.docs_dir) / "results.md", Path(config.readme)

@@ -8,6 +8,7 @@ from omegaconf import DictConfig
 from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
 
 from tstar_rl.collection import Collection, derive_seed, rollout_metrics
+from tstar_rl.config_schema import SpirlSection
 from tstar_rl.configuration import (
     environment,
     load_demonstrations,
@@ -28,7 +29,7 @@ from tstar_rl.updates import (
 from tstar_rl.updates.skill_policy import TRANSITION
 
 
-@recipe("spirl")
+@recipe("spirl", spirl=SpirlSection)
 def main(config: DictConfig) -> None:
     """Skills and their prior from demonstrations, then a policy over skills by prior-regularised actor-critic."""
     spirl, total = config.spirl, config.spirl.total_steps

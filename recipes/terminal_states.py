@@ -15,7 +15,7 @@ from tstar_rl.plotting import terminal_state_plane
 from tstar_rl.terminal_states import add_plane, read_terminal_states, spread
 
 
-@recipe("terminal_states")
+@recipe("terminal_states", systems=tuple[str, ...])
 def main(config: DictConfig) -> None:
     """Reads, draws and prints."""
     table = read_terminal_states(config.results_dir, config.task.name, config.systems)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +14,16 @@ from torchrl.envs import EnvBase
 
 from tstar_envs import geometry, rendering
 from tstar_envs.environment import BatchedEnvironment
+from tstar_envs.settings import TaskSettings
 from tstar_envs.tasks.actions import NUM_ACTIONS
 from tstar_envs.tasks.phase_reward import PHASES
 
 _DONE_KEYS = ("done", "terminated", "truncated")
+
+
+def check_settings(values: Mapping[str, Any]) -> None:
+    """Raises the ValueError that an environment would for settings of the task that there are not, or not so."""
+    TaskSettings.from_mapping(values)
 
 
 class FurnitureEnv(EnvBase):
