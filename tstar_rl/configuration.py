@@ -1,6 +1,5 @@
 """From the values in `configs/` to the objects of a run. The one file that knows how the sections are called."""
 
-import dataclasses
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -12,6 +11,8 @@ from omegaconf import DictConfig, OmegaConf
 
 from tstar_rl.checkpoint import differences
 from tstar_rl.collection import derive_seed, with_starts
+from tstar_rl.config_check import check
+from tstar_rl.config_schema import Config
 from tstar_rl.demonstrations import DemonstrationError, Demonstrations
 from tstar_rl.logging import run_path
 from tstar_rl.networks import set_action_std
@@ -24,6 +25,7 @@ from tstar_rl.state_sets import TerminationSet
 __all__ = [
     "chain_length",
     "chain_trial_environment",
+    "check_config",
     "demonstrations_path",
     "environment",
     "explore",
@@ -38,13 +40,22 @@ __all__ = [
 ]
 
 CONFIGS = Path(__file__).resolve().parent.parent / "configs"
+OWN_KEYS: dict[str, dict[str, Any]] = {}
+"""Of each recipe that was imported, the keys that no other recipe needs to have, and the types of their values."""
 
 
-def recipe(name: str) -> Callable[[Callable[[DictConfig], None]], Callable[[], None]]:
-    """Makes a function of the config into the main function of a recipe: one torch thread, values from `configs/`."""
+def recipe(name: str, **own: Any) -> Callable[[Callable[[DictConfig], None]], Callable[[], None]]:
+    """Makes a function of the config into the main function of a recipe: one torch thread, values from `configs/`.
+
+    Args:
+        name: of its file in `configs/recipe`.
+        **own: keys of that file which `config_schema.Config` does not have, and the types of their values.
+    """
+    OWN_KEYS[name] = own
 
     def decorate(function: Callable[[DictConfig], None]) -> Callable[[], None]:
         def main(config: DictConfig) -> None:
+            check_config(config, name)
             torch.set_num_threads(config.torch_threads)
             logging.getLogger("torchrl").setLevel(logging.WARNING)
             function(config)
@@ -59,20 +70,31 @@ def plain(config: DictConfig) -> dict[str, Any]:
     return OmegaConf.to_container(config, resolve=True, throw_on_missing=True)  # type: ignore[return-value]
 
 
+def check_config(config: DictConfig, name: str) -> None:
+    """Checks all names and types in the config of the recipe `name`.
+
+    Raises:
+        ConfigError: see `config_check.check`.
+        ValueError: for a setting of the task that there is not, or that has no such value.
+    """
+    from tstar_rl.furniture_env import check_settings
+
+    values = plain(config)
+    check(values, Config, "", OWN_KEYS[name])
+    check_settings(values["env"])
+
+
 def settings(kind: type, section: Mapping[str, Any] | DictConfig) -> Any:
     """A frozen settings object from a section of the config.
 
     Raises:
-        ValueError: for a name that `kind` does not have.
+        ConfigError: for a name that `kind` does not have, or a value of another type.
     """
     values = (
         OmegaConf.to_container(section, resolve=True) if isinstance(section, DictConfig) else dict(section)
     )
     assert isinstance(values, dict)
-    valid = [field.name for field in dataclasses.fields(kind)]
-    unknown = [str(name) for name in values if name not in valid]
-    if unknown:
-        raise ValueError(f"{kind.__name__} has no {', '.join(unknown)}; it has {', '.join(valid)}")
+    check({str(name): value for name, value in values.items()}, kind, kind.__name__)
     return kind(**{str(k): tuple(v) if isinstance(v, list) else v for k, v in values.items()})
 
 
