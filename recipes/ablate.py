@@ -18,6 +18,7 @@ from omegaconf import DictConfig
 
 from tstar_rl import ablation
 from tstar_rl.ablation import SKILLS, Variant
+from tstar_rl.backends import launcher
 from tstar_rl.checkpoint import differences
 from tstar_rl.configuration import chain_length, demonstrations_path, plain, recipe
 from tstar_rl.logging import MACHINE_ONLY, run_path
@@ -56,10 +57,11 @@ def main(config: DictConfig) -> None:
     for run in runs:
         _check(config, run, shared)
 
-    run_side_by_side(_skill_lanes(config), shared, config.processes)
+    launch = launcher(config)
+    run_side_by_side(_skill_lanes(config), shared, config.processes, launch)
     for wait in (False, True):
         lanes = [_lane(config, run) for run in runs if bool(run.bonus_of) is wait]
-        run_side_by_side(lanes, shared, config.processes)
+        run_side_by_side(lanes, shared, config.processes, launch)
     for variant in variants:
         _share(config, variant)
     for name in chosen:

@@ -1,9 +1,9 @@
 """The whole pipeline: demonstrations, skills, chaining three ways, evaluation, films, curves.
 
-    python recipes/assemble.py scale=laptop seed=0        # or scale=quick
+    python recipes/assemble.py scale=laptop seed=0        # or scale=quick; or several: seeds=[0,1,2]
 
 What is given on the command line is passed on to every step. A step that is done is not done again; one that was
-killed goes on from its last checkpoint.
+killed goes on from its last checkpoint. With launch=ray the steps run wherever a cluster has room.
 """
 
 import time
@@ -11,46 +11,52 @@ import time
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
+from tstar_rl.backends import launcher
 from tstar_rl.configuration import recipe
 from tstar_rl.logging import run_path
-from tstar_rl.side_by_side import mean_bonus, run_recipe, run_side_by_side
+from tstar_rl.side_by_side import Step, mean_bonus, run_side_by_side
 
-OWN = ("processes",)  # values that only this recipe knows
+OWN = ("processes", "seeds")  # values that only this recipe knows
 
 
-@recipe("assemble", processes=int)
+@recipe("assemble", processes=int, seeds=tuple[int, ...] | None)
 def main(config: DictConfig) -> None:
-    """Runs the steps, two at a time where they do not wait for each other."""
-    began, processes = time.perf_counter(), config.processes
+    """Runs the steps, as many at a time as there are processes, where they do not wait for each other."""
+    began, place = time.perf_counter(), (config.results_dir, config.task.name)
     given = HydraConfig.get().overrides.task
     shared = [value for value in given if value.split("=")[0] not in OWN]
     subtasks = [f"subtask={index}" for index in range(config.task.subtasks)]
     kinds = f"kinds=[{config.demonstrations.kind}]"
+    seeds = list(config.seeds or [config.seed])
+    run = launcher(config)
 
-    run_side_by_side([[("make_demonstrations", one, kinds)] for one in subtasks], shared, processes)
-    run_side_by_side([[("gail_ppo", one)] for one in subtasks], shared, processes)
-    skills = [("evaluate", "system=gail_ppo", one) for one in subtasks]
-    run_side_by_side(
-        [
-            [("tstar",), ("evaluate", "system=tstar")],
-            [
-                ("policy_sequencing",),
-                ("evaluate", "system=policy_sequencing"),
-                ("evaluate", "system=no_finetuning"),
-            ],
-        ],
-        shared,
-        processes,
-    )
-    control = "policy_sequencing_bonus"
-    bonus = mean_bonus(run_path(config.results_dir, config.task.name, "tstar", config.seed) / "metrics.csv")
-    lane = [
-        ("policy_sequencing", f"system={control}", f"bonus={bonus}"),
-        ("evaluate", f"system={control}"),
-    ]
-    run_side_by_side([lane, skills], shared, processes)
-    run_recipe(("plot",), shared)
+    def at_once(lanes: list[list[Step]]) -> None:
+        run_side_by_side(lanes, shared, config.processes, run)
+
+    at_once([[("make_demonstrations", one, kinds, f"seed={seeds[0]}")] for one in subtasks])
+    at_once([[("gail_ppo", one, f"seed={seed}")] for seed in seeds for one in subtasks])
+    at_once([lane for seed in seeds for lane in _chains(f"seed={seed}")])
+    lanes = []
+    for seed in seeds:
+        bonus = mean_bonus(run_path(*place, "tstar", seed) / "metrics.csv")
+        own = ("system=policy_sequencing_bonus", f"seed={seed}")
+        lanes.append([("policy_sequencing", *own, f"bonus={bonus}"), ("evaluate", *own)])
+        lanes.append([("evaluate", "system=gail_ppo", one, f"seed={seed}") for one in subtasks])
+    at_once(lanes)
+    run(("plot",), shared)
     print(f"all of it took {(time.perf_counter() - began) / 60:.1f} minutes")
+
+
+def _chains(seed: str) -> list[list[Step]]:
+    """T-STAR and its two controls, each followed by its evaluation."""
+    return [
+        [("tstar", seed), ("evaluate", "system=tstar", seed)],
+        [
+            ("policy_sequencing", seed),
+            ("evaluate", "system=policy_sequencing", seed),
+            ("evaluate", "system=no_finetuning", seed),
+        ],
+    ]
 
 
 if __name__ == "__main__":

@@ -9,9 +9,10 @@ that was killed goes on from its last checkpoint. Tables land in <results_dir>/<
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
+from tstar_rl.backends import launcher
 from tstar_rl.configuration import recipe
 from tstar_rl.logging import run_path
-from tstar_rl.side_by_side import Step, run_recipe, run_side_by_side
+from tstar_rl.side_by_side import Step, run_side_by_side
 
 OWN = ("processes", "systems", "only", "subtask", "video")  # values that only this recipe knows
 
@@ -27,8 +28,9 @@ def main(config: DictConfig) -> None:
     wanted = [system for system in config.only or config.systems if not _done(config, system)]
     lanes = [_lane(config, system) for system in wanted]
     if lanes:
-        run_recipe(("make_demonstrations", "whole=true"), shared)
-        run_side_by_side(lanes, shared, config.processes)
+        run = launcher(config)
+        run(("make_demonstrations", "whole=true"), shared)
+        run_side_by_side(lanes, shared, config.processes, run)
 
 
 def _lane(config: DictConfig, system: str) -> list[Step]:

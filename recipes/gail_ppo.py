@@ -7,9 +7,9 @@ import torch
 from omegaconf import DictConfig
 from torchrl.envs import Compose
 
-from tstar_rl.collection import Collection, derive_seed, rollout_metrics
+from tstar_rl.backends import make_collection
+from tstar_rl.collection import derive_seed, rollout_metrics
 from tstar_rl.configuration import (
-    environment,
     explore,
     load_demonstrations,
     new_skill,
@@ -47,8 +47,7 @@ def main(config: DictConfig) -> None:
         seed,
     )
     reward = Compose(GAILReward(skill.f_phi), RewardMixture(**{**config.reward, "lambda_3": 0.0}))
-    env = environment(config, config.subtask, training.num_envs, seed, max_steps=training.max_steps)
-    collection = Collection(env, skill.policy, training.horizon)
+    collection = make_collection(config, skill.policy, config.subtask, seed)
     steps = run.start(
         skill=skill,
         collection=collection,
@@ -74,6 +73,7 @@ def main(config: DictConfig) -> None:
             skill.save(run.work / "best", recipe=config.system, env_steps=steps)
         run.save_if_due(training.checkpoint_every)
 
+    collection.close()
     skill.save(run.work / "last", recipe=config.system, env_steps=steps)
     run.finish()
 

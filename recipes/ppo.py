@@ -6,9 +6,9 @@ python recipes/gail_ppo.py task=table_lack subtask=0 scale=laptop seed=0
 import torch
 from omegaconf import DictConfig
 
-from tstar_rl.collection import Collection, derive_seed, rollout_metrics
+from tstar_rl.backends import make_collection
+from tstar_rl.collection import derive_seed, rollout_metrics
 from tstar_rl.configuration import (
-    environment,
     explore,
     load_demonstrations,
     new_skill,
@@ -43,8 +43,7 @@ def main(config: DictConfig) -> None:
         seed,
     )
     reward = RewardMixture(**{**config.reward, "lambda_2": 0.0, "lambda_3": 0.0})
-    env = environment(config, config.subtask, training.num_envs, seed, max_steps=training.max_steps)
-    collection = Collection(env, skill.policy, training.horizon)
+    collection = make_collection(config, skill.policy, config.subtask, seed)
     steps = run.start(
         skill=skill,
         collection=collection,
@@ -68,6 +67,7 @@ def main(config: DictConfig) -> None:
             skill.save(run.work / "best", recipe=config.system, env_steps=steps)
         run.save_if_due(training.checkpoint_every)
 
+    collection.close()
     skill.save(run.work / "last", recipe=config.system, env_steps=steps)
     run.finish()
 

@@ -9,11 +9,11 @@ import torch
 from omegaconf import DictConfig
 from torchrl.envs import Compose
 
+from tstar_rl.backends import make_collection
 from tstar_rl.chain import chain_progress, keep_better, save_chain, seed_sets, states, terminal_poses
-from tstar_rl.collection import Collection, derive_seed, rollout_metrics
+from tstar_rl.collection import derive_seed, rollout_metrics
 from tstar_rl.configuration import (
     chain_trial_environment,
-    environment,
     explore,
     load_demonstrations,
     load_skills,
@@ -23,7 +23,6 @@ from tstar_rl.configuration import (
     trial_environment,
 )
 from tstar_rl.logging import Run
-from tstar_rl.starts import gaussian_counts
 from tstar_rl.transforms import GAILReward, RewardMixture, TerminalStateReward
 from tstar_rl.updates import (
     DiscriminatorSettings,
@@ -53,10 +52,7 @@ def main(config: DictConfig) -> None:
         skill, before = skills[index], skills[index].network_state()
         following = skills[index + 1] if index + 1 < len(skills) else None
         starts = skills[index - 1].termination_set if index else None  # 80%; 20% the environment's
-        env = environment(
-            config, index, training.num_envs, seed, starts, snapshots=True, max_steps=training.max_steps
-        )
-        collection = Collection(env, skill.policy, training.horizon)
+        collection = make_collection(config, skill.policy, index, seed, starts, snapshots=True)
         update_f_phi = make_f_phi_update(skill.f_phi, settings(DiscriminatorSettings, config.f_phi), seed)
         ppo = settings(PPOSettings, {**config.ppo, **config.chain.ppo})
         update_policy = PolicyUpdate(skill.policy, skill.value, ppo, skill.return_scale, seed)
@@ -83,7 +79,7 @@ def main(config: DictConfig) -> None:
             if following is not None:
                 log |= update_d_omega(states(following.initiation_set), states(skill.termination_set))
             rollout = reward(rollout)
-            log |= update_policy(rollout, steps / run.total) | gaussian_counts(env)
+            log |= update_policy(rollout, steps / run.total) | collection.start_counts()
             if config.chain.gate and number == rollouts - 1:
                 make_trial = partial(trial_environment, config, skills, run.turn + 1, index)
                 log |= keep_better(skill, before, make_trial, config.chain.gate_margin)

@@ -1,4 +1,7 @@
-"""Environments with the transforms that training needs, and rollouts that resume bit for bit."""
+"""Environments with the transforms that training needs, and rollouts that resume bit for bit.
+
+`ray_collection.py` has the same rollouts from workers of a cluster.
+"""
 
 from collections.abc import Callable
 from typing import Any
@@ -9,17 +12,30 @@ from tensordict import TensorDict, TensorDictBase
 from torchrl.collectors import Collector
 from torchrl.envs import EnvBase, StepCounter, TransformedEnv
 
+from tstar_rl.starts import gaussian_counts
 from tstar_rl.transforms import EpisodeStart, SkillChainReset
 from tstar_rl.transforms.skill_chain_reset import Starts
 
 __all__ = [
+    "COLLECTOR",
     "PURPOSES",
     "Collection",
     "derive_seed",
+    "load_state",
     "rollout_metrics",
     "run_episodes",
+    "state_of",
     "with_starts",
 ]
+
+COLLECTOR: dict[str, Any] = {
+    "total_frames": -1,
+    "track_traj_ids": False,
+    "use_buffers": False,
+    "trust_policy": True,
+    "auto_register_policy_transforms": False,
+}
+"""What every collector here is made with: rows of a rollout are used once, and belong to the recipe."""
 
 PURPOSES = (
     "train",
@@ -75,11 +91,7 @@ class Collection:
             env,
             policy,
             frames_per_batch=env.batch_size.numel() * horizon,
-            total_frames=-1,
-            track_traj_ids=False,
-            use_buffers=False,
-            trust_policy=True,
-            auto_register_policy_transforms=False,
+            **COLLECTOR,
         )
 
     @torch.no_grad()
@@ -93,28 +105,44 @@ class Collection:
 
     def state_dict(self) -> dict[str, Any]:
         """Simulations, generators and the last observations."""
-        world = self.env.base_env.state_dict()
-        world = {k: v.to_dict() if isinstance(v, TensorDictBase) else v for k, v in world.items()}
-        return {
-            "world": world,
-            "transforms": self.env.transform.state_dict(),
-            "carried": self.collector._carrier.clone().to_dict(),
-        }
+        return state_of(self.collector)
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """What `state_dict` gave."""
-        batch = self.env.batch_size
-        world = {
-            k: TensorDict.from_dict(v, batch_size=batch) if isinstance(v, dict) else v
-            for k, v in state["world"].items()
-        }
-        self.env.base_env.load_state_dict(world)
-        self.env.transform.load_state_dict(state["transforms"])
-        self.collector._carrier = TensorDict.from_dict(state["carried"], batch_size=batch)
+        load_state(self.collector, state)
+
+    def start_counts(self) -> dict[str, int]:
+        """See `starts.gaussian_counts`."""
+        return gaussian_counts(self.env)
 
     def close(self) -> None:
         """Frees the simulations."""
         self.collector.shutdown()
+
+
+def state_of(collector: Collector) -> dict[str, Any]:
+    """Simulations, generators and last observations of a collector whose environment is `with_starts`."""
+    env = collector.env
+    world = env.base_env.state_dict()
+    world = {k: v.to_dict() if isinstance(v, TensorDictBase) else v for k, v in world.items()}
+    return {
+        "world": world,
+        "transforms": env.transform.state_dict(),
+        "carried": collector._carrier.clone().to_dict(),
+    }
+
+
+def load_state(collector: Collector, state: dict[str, Any]) -> None:
+    """What `state_of` gave."""
+    env = collector.env
+    batch, device = env.batch_size, env.device
+    world = {
+        k: TensorDict.from_dict(v, batch_size=batch, device=device) if isinstance(v, dict) else v
+        for k, v in state["world"].items()
+    }
+    env.base_env.load_state_dict(world)
+    env.transform.load_state_dict(state["transforms"])
+    collector._carrier = TensorDict.from_dict(state["carried"], batch_size=batch, device=device)
 
 
 @torch.no_grad()
@@ -134,7 +162,7 @@ def run_episodes(
         The last step of each episode, batch [N], in the order of the simulations.
     """
     tensordict = env.reset()
-    running = torch.ones(env.batch_size, dtype=torch.bool)
+    running = torch.ones(env.batch_size, dtype=torch.bool, device=tensordict.device)
     last: TensorDictBase | None = None
     while running.any():
         tensordict = env.step(policy(tensordict))

@@ -8,6 +8,7 @@ another type. What the values mean is said in `configs/` and where they are read
 from dataclasses import dataclass
 from typing import Any
 
+from tstar_rl.cluster import ClusterSettings
 from tstar_rl.skill import NetworkSettings
 from tstar_rl.skill_prior import SkillModelSettings
 from tstar_rl.transforms import RewardMixture, TerminalStateReward
@@ -66,6 +67,14 @@ class TrainingSection:
     total_steps: int
     max_steps: int
     checkpoint_every: int
+
+
+@dataclass(frozen=True)
+class CollectionSection:
+    """Where rollouts come from: see `backends`."""
+
+    backend: str
+    workers: int
 
 
 @dataclass(frozen=True)
@@ -128,6 +137,11 @@ class Config:
     runs_dir: str
     demonstrations_dir: str
     progress_bar: bool
+    device: str
+    physics: str | None
+    collection: CollectionSection
+    launch: str
+    cluster: ClusterSettings
     skills: str
     env: dict[str, Any]  # settings of the task, which the environment checks
     demonstrations: DemonstrationsSection

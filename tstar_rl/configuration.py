@@ -116,15 +116,8 @@ def environment(
     from tstar_rl.furniture_env import FurnitureEnv
 
     values = {**plain(config.env), **overrides}
-    env = FurnitureEnv(
-        config.task.name,
-        num_envs,
-        subtask,
-        nthread=config.nthread,
-        seed=seed,
-        snapshots=snapshots,
-        **values,
-    )
+    where = {"nthread": config.nthread, "device": config.device, "physics": config.physics}
+    env = FurnitureEnv(config.task.name, num_envs, subtask, seed=seed, snapshots=snapshots, **where, **values)
     if before is None:
         return with_starts(env)
     return with_starts(env, *make_starts(shares or plain(config.chain.starts), env, before), seed)

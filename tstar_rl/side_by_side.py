@@ -1,9 +1,9 @@
-"""Recipes run as processes of their own, some at a time."""
+"""Recipes run as processes of their own, some at a time, here or wherever a launcher takes them."""
 
 import os
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -30,10 +30,22 @@ def run_recipe(step: Step, shared: Sequence[str] = (), line: int = 0) -> None:
         raise SystemExit(f"this step failed: {' '.join(command)}")
 
 
-def run_side_by_side(lanes: Sequence[Sequence[Step]], shared: Sequence[str], processes: int) -> None:
+def run_side_by_side(
+    lanes: Sequence[Sequence[Step]],
+    shared: Sequence[str],
+    processes: int,
+    run: Callable[..., None] | None = None,
+) -> None:
     """Runs each lane's steps one after another, and up to `processes` lanes at once.
 
     A step that fails ends its lane; the other lanes go on.
+
+    Args:
+        lanes: that do not wait for each other.
+        shared: values that every step is given.
+        processes: lanes at once.
+        run: of a step, the shared values and the lane's line on the screen, from `backends.launcher`; None:
+            `run_recipe`.
 
     Raises:
         SystemExit: at the end, if a step has failed, with the commands that did.
@@ -42,7 +54,7 @@ def run_side_by_side(lanes: Sequence[Sequence[Step]], shared: Sequence[str], pro
     def follow(lane: int) -> str | None:
         try:
             for step in lanes[lane]:
-                run_recipe(step, shared, lane % processes)
+                (run or run_recipe)(step, shared, lane % processes)
         except SystemExit as failure:
             return str(failure)
         return None

@@ -13,7 +13,15 @@ from tstar_rl.state_sets import TerminalGaussian, TerminationSet
 from tstar_rl.transforms import SkillChainReset
 from tstar_rl.transforms.skill_chain_reset import Starts
 
-__all__ = ["SOURCES", "MixedStarts", "check_shares", "gaussian_counts", "make_starts"]
+__all__ = [
+    "SOURCES",
+    "MixedStarts",
+    "check_shares",
+    "gaussian_counts",
+    "make_starts",
+    "sources",
+    "termination_sets",
+]
 
 SOURCES = ("environment", "gaussian", "buffer")
 """The environment's own start, a Gaussian fitted to the termination set of the skill before, a member of that set."""
@@ -94,9 +102,19 @@ def make_starts(
     return source, 1.0 - whole["environment"]
 
 
+def sources(env: TransformedEnv) -> list[Starts]:
+    """What the chained starts of an environment are drawn from; nothing without `SkillChainReset`."""
+    resets = [each for each in cast(Compose, env.transform) if isinstance(each, SkillChainReset)]
+    return [each for reset in resets for each in getattr(reset.starts, "sources", [reset.starts])]
+
+
+def termination_sets(env: TransformedEnv) -> list[TerminationSet]:
+    """The termination sets that an environment's starts are read from."""
+    sets = [getattr(each, "termination_set", each) for each in sources(env)]
+    return [each for each in sets if isinstance(each, TerminationSet)]
+
+
 def gaussian_counts(env: TransformedEnv) -> dict[str, int]:
     """What the Gaussian among an environment's starts has drawn, as "gaussian_<what>"; nothing without one."""
-    resets = [each for each in cast(Compose, env.transform) if isinstance(each, SkillChainReset)]
-    sources = [each for reset in resets for each in getattr(reset.starts, "sources", [reset.starts])]
-    gaussians = [each for each in sources if isinstance(each, TerminalGaussian)]
+    gaussians = [each for each in sources(env) if isinstance(each, TerminalGaussian)]
     return {f"gaussian_{name}": count for each in gaussians for name, count in each.counts.items()}
