@@ -14,7 +14,6 @@ CHAIR = """
 z_finedist: 0.1
 parts:
   seat:
-    assembled_pose: [0, 0.105601, 0.127, 1, 0, 0, 0]
     initial_pose: [-0.25, 0.107139, 0.002981, 0, 0, -1, -3.8e-05]
     density: 50
     boxes:
@@ -26,7 +25,6 @@ parts:
     connectors:
       left: {pos: [-0.105, 0.003175, -0.004], kind: seat-side, mates_with: side-seat, allowed_degrees: [0, 180]}
   side:
-    assembled_pose: [0.107156, 0.111951, 0.10795, 1, 0, 0, 0]
     initial_pose: [-0.05, 0.094433, 0.015668, 0, 1, 0, 0]
     density: 50
     boxes: [{size: [0.008, 0.098, 0.015786]}]
@@ -38,7 +36,7 @@ parts:
       - {left: [0.02, 0.06, -0.01], right: [-0.02, 0.06, -0.01]}
 steps:
   - {moving_part: side, target_part: seat, moving_connector: seat, target_connector: left, degrees: 180,
-     waypoint: [0, 0, 0.05], grasp: 1, grip_init_pos: [0, 0, 0, 0.15], connect_height: 0.005}
+     waypoint: [0, 0, 0.05], grasp: 1}
 """
 
 
@@ -62,7 +60,7 @@ def test_table_lack_is_the_reference_task():
     assert [step.moving_part for step in table.steps] == ["leg_2", "leg_3", "leg_4", "leg_1"]
     assert [step.target_connector for step in table.steps] == ["corner_2", "corner_1", "corner_4", "corner_3"]
     assert {step.target_part for step in table.steps} == {"table_top"}
-    assert (table.z_finedist, table.max_steps_per_subtask) == (0.05, 200)
+    assert table.z_finedist == 0.05
     assert table.part("leg_1").boxes[0].size == (0.015, 0.015, 0.13125)
     assert (table.part("leg_3").density, table.part("table_top").density) == (100, 300)
     assert table.part_index("table_top") == 4
@@ -76,7 +74,6 @@ def test_table_lack_connectors_and_grasps():
     # The turns that our robot makes: docs/decisions/0006-turns.md.
     assert [step.angle for step in table.steps] == pytest.approx([math.pi, math.pi, 0, 0])
     assert [table.grasp_of(i).axis for i in range(4)] == [(1, 0, 0), (-1, 0, 0), (1, 0, 0), (1, 0, 0)]
-    assert table.steps[0].grip_init_pos is None and table.steps[1].grip_init_pos == (0, 0, 0, 0.37)
 
 
 def test_chair_ingolf_is_the_reference_task():
@@ -89,22 +86,21 @@ def test_chair_ingolf_is_the_reference_task():
     assert [step.waypoint[2] for step in chair.steps] == [0.05, 0.05, 0.1, 0.27]
     moving, target = chair.connectors_of(2)
     assert (moving.pos, target.pos) == ((0.003656, -0.101451, 0.00105), (0.1035, -0.036463, -0.047477))
-    assert chair.z_finedist == 0.1 and chair.steps[2].connect_height == 0.005
+    assert chair.z_finedist == 0.1
     assert [len(part.boxes) for part in chair.parts] == [3, 1, 1, 2, 11]
 
 
 def test_a_chair_fits_the_same_schema(chair):
     piece = chair()
-    assert piece.name == "chair" and piece.max_steps_per_subtask == 200
+    assert piece.name == "chair" and piece.z_finedist == 0.1
     assert piece.part("side").connector("front").allowed_angles == (0,)
     assert piece.grasp_of(0).point == pytest.approx((0, 0.06, -0.01))
-    assert piece.steps[0].connect_height == 0.005
 
 
 def test_quaternions_are_normalised():
     for name in furniture.names():
         for part in furniture.load(name).parts:
-            for quat in (part.assembled_pose[3:], part.initial_pose[3:], *(c.quat for c in part.connectors)):
+            for quat in (part.initial_pose[3:], *(c.quat for c in part.connectors)):
                 assert math.hypot(*quat) == pytest.approx(1, abs=1e-12)
 
 
@@ -173,7 +169,12 @@ def _set(data, *path_and_value):
         ),
         (lambda d: _set(d, "steps", 0, "degrees", 90), r"steps\[0\].angle: got 90 degrees, .* allows 0, 180"),
         (lambda d: _set(d, "steps", 0, "grasp", 2), r"steps\[0\].grasp: got 2, part 'side' has 2 grasps"),
+        (
+            lambda d: _set(d, "steps", 0, "grasp", 0.7),
+            r"chair.yaml: steps\[0\].grasp: got 0.7, expected a whole number",
+        ),
         (lambda d: _set(d, "steps", []), r"steps: got none"),
+        (lambda d: _set(d, "parts", 7, {}), r"chair.yaml: parts: got 7, expected a name"),
         (
             lambda d: _set(d, "no_contact", [["seat", "sied"]]),
             r"no_contact\[0\]: no part of 'chair' is called 'sied': did you mean 'side'",
@@ -186,3 +187,17 @@ def _set(data, *path_and_value):
 def test_a_wrong_file_is_told_what_is_wrong(chair, change, message):
     with pytest.raises(FurnitureError, match=message):
         chair(change)
+
+
+@pytest.mark.parametrize(
+    "twice, message",
+    [
+        ("parts:\n  seat: {density: 1}\n  seat: {density: 2}\n", "parts.seat: stands twice, again in line 3"),
+        ("steps: [{degrees: 1, degrees: 2}]", r"steps\[0\].degrees: stands twice, again in line 1"),
+    ],
+)
+def test_a_name_that_stands_twice_is_refused(tmp_path, twice, message):
+    path = tmp_path / "chair.yaml"
+    path.write_text(twice)
+    with pytest.raises(FurnitureError, match=f"chair.yaml: {message}"):
+        read(path)

@@ -43,8 +43,10 @@ def load(name: str) -> Furniture:
 
 def read(path: Path) -> Furniture:
     """Reads and checks one furniture file (its schema: `data/table_lack.yaml`, with comments)."""
+    text = path.read_text()
     try:
-        return _furniture(Fields(yaml.safe_load(path.read_text()), ""), path.stem)
+        _refuse_duplicates(yaml.compose(text, yaml.SafeLoader), "")
+        return _furniture(Fields(yaml.safe_load(text), ""), path.stem)
     except (FurnitureError, yaml.YAMLError) as error:
         raise FurnitureError(f"{path.name}: {error}") from None
 
@@ -74,6 +76,12 @@ class Fields:
         if positive and value <= 0:
             raise FurnitureError(f"{self.at(key)}: got {value}, expected a positive number")
         return float(value)
+
+    def index(self, key: str, default: int) -> int:
+        value = self.get(key, default)
+        if isinstance(value, bool) or not isinstance(value, int) or value < 0:
+            raise FurnitureError(f"{self.at(key)}: got {_short(value)}, expected a whole number from 0")
+        return value
 
     def text(self, key: str) -> str:
         value = self.get(key)
@@ -107,6 +115,9 @@ class Fields:
         """Returns (name, fields) of a mapping of mappings, or (index, fields) of a list of them."""
         value = self.get(key, default)
         if isinstance(value, dict):
+            for name in value:
+                if not isinstance(name, str):
+                    raise FurnitureError(f"{self.at(key)}: got {_short(name)}, expected a name")
             return [(name, Fields(item, f"{self.at(key)}.{name}")) for name, item in value.items()]
         if isinstance(value, list):
             return [(str(i), Fields(item, f"{self.at(key)}[{i}]")) for i, item in enumerate(value)]
@@ -125,20 +136,18 @@ def _furniture(fields: Fields, name: str) -> Furniture:
     parts = tuple(_part(part, child) for part, child in fields.children("parts"))
     steps = tuple(_step(child) for _, child in fields.children("steps"))
     z_finedist = fields.number("z_finedist", positive=True)
-    max_steps = int(fields.number("max_steps_per_subtask", 200, positive=True))
     pairs = fields.name_lists("no_contact")
     stiff = [
         None if fields.get(key, None) is None else fields.number(key)
         for key in ("contact_impedance", "weld_impedance")
     ]
     fields.finish()
-    return Furniture(name, parts, steps, z_finedist, max_steps, pairs, *stiff)
+    return Furniture(name, parts, steps, z_finedist, pairs, *stiff)
 
 
 def _part(name: str, fields: Fields) -> Part:
     part = Part(
         name=name,
-        assembled_pose=fields.pose("assembled_pose"),
         initial_pose=fields.pose("initial_pose"),
         boxes=tuple(_box(child) for _, child in fields.children("boxes")),
         density=fields.number("density", positive=True),
@@ -190,7 +199,6 @@ def _grasp(fields: Fields) -> Grasp:
 
 
 def _step(fields: Fields) -> Step:
-    wait = fields.get("grip_init_pos", None)
     step = Step(
         moving_part=fields.text("moving_part"),
         target_part=fields.text("target_part"),
@@ -198,13 +206,26 @@ def _step(fields: Fields) -> Step:
         target_connector=fields.text("target_connector"),
         angle=math.radians(fields.number("degrees")),
         waypoint=fields.numbers("waypoint", 3),
-        grasp_index=int(fields.number("grasp", 0)),
-        grip_init_pos=None if wait is None else fields.numbers("grip_init_pos", 4),
+        grasp_index=fields.index("grasp", 0),
         grip_angle=fields.numbers("grip_angle", 3, default=(0.0, 0.0, -1.0)),
-        connect_height=fields.number("connect_height", 0.0),
     )
     fields.finish()
     return step
+
+
+def _refuse_duplicates(node: yaml.Node | None, where: str) -> None:
+    """Refuses a name that stands twice in a mapping: YAML's reader would keep the last and drop the others."""
+    if isinstance(node, yaml.SequenceNode):
+        for i, child in enumerate(node.value):
+            _refuse_duplicates(child, f"{where}[{i}]")
+    elif isinstance(node, yaml.MappingNode):
+        seen = set()
+        for key, child in node.value:
+            at = f"{where}.{key.value}" if where else str(key.value)
+            if key.value in seen:
+                raise FurnitureError(f"{at}: stands twice, again in line {key.start_mark.line + 1}")
+            seen.add(key.value)
+            _refuse_duplicates(child, at)
 
 
 def _unit_quat(quat: tuple[float, ...], where: str) -> tuple[float, ...]:

@@ -60,13 +60,9 @@ class Grasp:
 
 @dataclass(frozen=True)
 class Part:
-    """A rigid part: `density` is in kg / m^3, `initial_pose` is where it lies at the start (world frame).
-
-    `assembled_pose` is the pose in the finished piece, in a frame common to all parts of it.
-    """
+    """A rigid part: `density` is in kg / m^3, `initial_pose` is where it lies at the start (world frame)."""
 
     name: str
-    assembled_pose: Pose
     initial_pose: Pose
     boxes: tuple[Box, ...]
     density: float
@@ -86,10 +82,7 @@ class Step:
         angle: which of the allowed rotations the assembly's drawing names, rad about the connectors' up axis.
         waypoint: where to lift the part, (dx, dy, dz) from where it lay, m.
         grasp_index: which of the moving part's grasps to take.
-        grip_init_pos: (dx, dy, dz, height), m: where the hand waits before this step if the arm did not go home
-            after the last one; None where the step begins from home.
         grip_angle: the hand's approach direction in the world while it grasps.
-        connect_height: height above the target connector at which the two are joined, m.
     """
 
     moving_part: str
@@ -99,9 +92,7 @@ class Step:
     angle: float
     waypoint: Vec3
     grasp_index: int = 0
-    grip_init_pos: Quat | None = None
     grip_angle: Vec3 = (0.0, 0.0, -1.0)
-    connect_height: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -110,7 +101,6 @@ class Furniture:
 
     Attributes:
         z_finedist: height above the target from which a part is lowered finely, m.
-        max_steps_per_subtask: control steps one subtask may take.
         no_contact: pairs of parts that pass through each other (docs/decisions/0007-chair.md).
         contact_impedance: MuJoCo's constraint impedance of the parts' contacts, in (0, 1): the nearer to 1 the
             stiffer. None is MuJoCo's own, 0.9 to 0.95, too soft where a light part carries heavier ones.
@@ -121,7 +111,6 @@ class Furniture:
     parts: tuple[Part, ...]
     steps: tuple[Step, ...]
     z_finedist: float
-    max_steps_per_subtask: int = 200
     no_contact: tuple[tuple[str, str], ...] = ()
     contact_impedance: float | None = None
     weld_impedance: float | None = None
