@@ -47,3 +47,35 @@ def test_preassembled_ideal_and_jittered(name):
         assert distance.max() < 0.022 and distance.mean() > 0.004
         tilt = 2 * torch.acos((exact[:, 3:] * off[:, 3:]).sum(-1).abs().clamp_max(1)).rad2deg()
         assert tilt.max() < 5.5 and tilt.mean() > 1.0
+
+
+def failing(world, rows, times):
+    """Lets the simulations of `rows` fail the next `times` times that their parts settle."""
+    settle, left = world.physics.settle, iter(range(times))
+
+    def fail(mask, substeps):
+        failed = settle(mask, substeps)
+        failed[rows] |= next(left, None) is not None
+        return failed
+
+    world.physics.settle = fail
+
+
+def test_a_start_that_fails_is_counted_and_drawn_again():
+    plain, world = make(4, 1), make(4, 1)
+    failing(world, [1, 3], times=2)
+    mask = torch.tensor([True, True, True, False])
+    for each in (plain, world):
+        each.reset(mask)
+    assert (plain.failures, world.failures) == (0, 2)  # simulation 1, twice; 3 was not being reset
+    same = (plain.task.part_poses == world.task.part_poses).all(-1).all(-1)
+    assert same.tolist() == [True, False, True, True]
+    off = world.task.part_poses[1, -1, :2] - world.task.tables.initial_pose[-1, :2]
+    assert off.abs().max() < 0.021 and not world.state["failed"].any()
+
+
+def test_a_start_that_always_fails_is_an_error():
+    world = make(2)
+    failing(world, [0], times=100)
+    with pytest.raises(RuntimeError, match="1 simulations failed while their parts settled, 10 times each"):
+        world.reset()

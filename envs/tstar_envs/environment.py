@@ -28,7 +28,7 @@ class BatchedEnvironment:
 
     `reset(mask)` and `step(actions)` leave what happened in `state` (see `tasks.assembly`); `observation()` reads it.
     A simulation that MuJoCo gives up on ends its own episode as a failure, is counted in `failures` and waits for a
-    reset; the others do not notice.
+    reset; the others do not notice. One that fails while an episode's start settles is counted too, and drawn again.
 
     Args:
         name: furniture, e.g. `table_lack`.
@@ -96,7 +96,9 @@ class BatchedEnvironment:
 
     def reset(self, mask: Tensor | None = None) -> None:
         """Starts new episodes in the simulations of `mask` (N,), by default all."""
+        failures = self.task.starts.failures
         self.task.initialize_episode(self.state, self._all() if mask is None else mask)
+        self.failures += self.task.starts.failures - failures
 
     def reset_to(self, snapshot: TensorDict, mask: Tensor | None = None) -> None:
         """Starts new episodes from snapshots, at the beginning of the subtask that each is at.
@@ -106,6 +108,7 @@ class BatchedEnvironment:
         """
         mask = self._all() if mask is None else mask
         self._check_batch(snapshot)
+        snapshot = self._here(snapshot)
         self._check_subtask(snapshot["task", "subtask"][mask])
         self.restore(snapshot, mask)
         self.task.begin_subtask(self.state, mask)
@@ -150,9 +153,9 @@ class BatchedEnvironment:
         )
 
     def restore(self, snapshot: TensorDict, mask: Tensor | None = None) -> None:
-        """Puts the simulations of `mask` into the states of `snapshot` (batch N)."""
+        """Puts the simulations of `mask` into the states of `snapshot` (batch N), taken by this or another simulator."""
         self._check_batch(snapshot)
-        mask = self._all() if mask is None else mask
+        mask, snapshot = self._all() if mask is None else mask, self._here(snapshot)
         self.physics.set_state(snapshot["physics"], snapshot["welds"], mask)
         assign(self.state, snapshot["task"].select(*self.state.keys()), mask)
 
@@ -169,6 +172,14 @@ class BatchedEnvironment:
             raise ValueError(
                 f"a snapshot of {self.num_sims} simulations is needed, got {tuple(snapshot.batch_size)}"
             )
+
+    def _here(self, snapshot: TensorDict) -> TensorDict:
+        """The snapshot on the device of the simulations."""
+        return (
+            snapshot
+            if snapshot["physics"].device == self.physics.device
+            else snapshot.to(self.physics.device)
+        )
 
     def _check_subtask(self, found: Tensor) -> None:
         wrong = found >= self.num_subtasks if self.subtask is None else found != self.subtask

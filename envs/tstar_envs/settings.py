@@ -34,7 +34,8 @@ class TaskSettings:
     preassembled: str = "ideal"
     """Where earlier steps are preassembled: `ideal`ly, or with `jitter` about it."""
     jitter: float = 0.012
-    """With `jitter`: offset of the moving connector in the target connector's plane and away from it."""
+    """With `jitter`: offset of the moving connector in each direction of the target connector's plane and away from it,
+    uniform; all three together, with the clearance that is kept, come to 21 mm at most."""
     jitter_degrees: float = 5.0
     """With `jitter`: tilt of the moving connector about a random axis."""
     snap: bool = False

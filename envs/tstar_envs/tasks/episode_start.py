@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from tstar_envs import geometry
+from tstar_envs.physics.masks import write
 from tstar_envs.physics.view import PhysicsView
 from tstar_envs.robots import sawyer
 from tstar_envs.settings import TaskSettings
@@ -16,6 +17,8 @@ from tstar_envs.tasks.recipe_tables import RecipeTables
 _ROBOT_QPOS = sawyer.NUM_JOINTS + 2
 MIN_CLEARANCE = 0.0005
 """A jittered preassembled part is held at least this far off its target, m: welded parts should not press."""
+TRIES = 10
+"""Starts drawn for one simulation before it is an error that none of them settles."""
 
 
 class EpisodeStarts:
@@ -30,6 +33,8 @@ class EpisodeStarts:
         )
         self._home = home
         self._made: MadeStarts | None = None
+        self.failures = 0
+        """Simulations that failed while their parts settled; each was given another start."""
         self._jittered = settings.preassembled == "jitter"
         self._ideal = [tables.ideal_relative_pose(k) for k in range(tables.num_steps)]
 
@@ -59,7 +64,24 @@ class EpisodeStarts:
         return made
 
     def _make(self, mask: Tensor, subtask: int) -> None:
-        """Places the parts in the simulations of `mask` and lets them settle.
+        """Starts the simulations of `mask`; one that fails while its parts settle is drawn again.
+
+        Raises:
+            RuntimeError: if one fails every time.
+        """
+        for _ in range(TRIES):
+            mask = self._lay_out(mask, subtask)
+            failed = int(mask.sum())
+            if not failed:
+                return
+            self.failures += failed
+        raise RuntimeError(
+            f"{failed} simulations failed while their parts settled, {TRIES} times each: the settings of the start "
+            f"(part_noise, jitter, drop_height) or the furniture's initial poses ask for what cannot be"
+        )
+
+    def _lay_out(self, mask: Tensor, subtask: int) -> Tensor:
+        """Places the parts in the simulations of `mask` and lets them settle; (N,) bool, which of these failed.
 
         Every call draws noise for all N simulations, so a simulation's draws do not depend on the mask of others.
         """
@@ -67,29 +89,32 @@ class EpisodeStarts:
         poses[..., 2] += self.settings.drop_height
         arm = self.settings.arm_noise * self._uniform(sawyer.NUM_JOINTS)
         self.physics.clear(mask)
-        self.physics.qpos[mask, _ROBOT_QPOS:] = poses.flatten(1)[mask]
+        write(self.physics.qpos[:, _ROBOT_QPOS:], poses.flatten(1), mask)
         for k in range(subtask):
             self.weld(k, mask)
         self.home_robot(mask)
-        self.physics.settle(mask, self.settings.settle_steps)
+        failed = self.physics.settle(mask, self.settings.settle_steps) & mask
         self.home_robot(mask)
-        self.physics.qpos[mask, : sawyer.NUM_JOINTS] += arm[mask]
+        joints = self.physics.qpos[:, : sawyer.NUM_JOINTS]
+        write(joints, joints + arm, mask)
         self.physics.forward(mask)
+        return failed
 
     def home_robot(self, mask: Tensor) -> None:
         """Puts the arm at its home pose, at rest, gripper open."""
-        self.physics.qpos[mask, :_ROBOT_QPOS] = self._home
-        self.physics.qvel[mask, :_ROBOT_QPOS] = 0.0
-        self.physics.ctrl[mask, : sawyer.NUM_JOINTS] = 0.0
-        self.physics.ctrl[mask, sawyer.NUM_JOINTS :] = self._home[sawyer.NUM_JOINTS :]
+        rest = torch.zeros_like(self._home)
+        write(self.physics.qpos[:, :_ROBOT_QPOS], self._home, mask)
+        write(self.physics.qvel[:, :_ROBOT_QPOS], rest, mask)
+        write(self.physics.ctrl[:, : sawyer.NUM_JOINTS], rest[: sawyer.NUM_JOINTS], mask)
+        write(self.physics.ctrl[:, sawyer.NUM_JOINTS :], self._home[sawyer.NUM_JOINTS :], mask)
 
     def weld(self, step: int, mask: Tensor) -> None:
         """Activates the weld of `step` at the pose where its two parts are now."""
         poses = self.physics.qpos[:, _ROBOT_QPOS:].unflatten(-1, (self.tables.num_parts, 7))
         target, moving = poses[:, self.tables.target[step]], poses[:, self.tables.moving[step]]
         pos, quat = geometry.relative_pose(target[:, :3], target[:, 3:], moving[:, :3], moving[:, 3:])
-        self.physics.eq_data[mask, step, 3:10] = torch.cat([pos, quat], dim=-1)[mask]
-        self.physics.eq_active[mask, step] = 1.0
+        write(self.physics.eq_data[:, step, 3:10], torch.cat([pos, quat], dim=-1), mask)
+        write(self.physics.eq_active[:, step], torch.ones_like(pos[:, 0]), mask)
 
     def _part_poses(self, subtask: int) -> Tensor:
         """Noisy part poses with the steps before `subtask` assembled, (N, parts, 7)."""
