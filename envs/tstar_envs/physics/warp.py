@@ -19,6 +19,7 @@ import mujoco
 import torch
 from torch import Tensor
 
+from tstar_envs.physics.masks import write
 from tstar_envs.physics.state_row import row_size, row_slice
 from tstar_envs.physics.warp_scene import room, warp_model
 
@@ -49,6 +50,8 @@ class WarpPhysics:
             )
             self._warp.synchronize_device()
         self._model.opt.warn_overflow = 0  # an error of our own says it
+        if self.device.type == "cuda":
+            self._model.opt.graph_conditional = self._warp.is_conditional_graph_supported()
         self._blind = _without_sensors(self._model)
         self._overflow = self._raw(self._data.overflow)
         state = {name: self._raw(getattr(self._data, name)) for name in ("qpos", "qvel", "ctrl", "eq_active")}
@@ -57,6 +60,7 @@ class WarpPhysics:
         self._state = {name: (raw, raw.double()) for name, raw in state.items()}
         self.qpos, self.qvel, self.ctrl, self.eq_active, self.eq_data = (x for _, x in self._state.values())
         self._derived: dict[str, tuple[Tensor, Tensor]] = {}
+        self._torch_stream: Any = None
         self._rows = {c: row_slice(model, c) for c in _COMPONENTS}
         self._start = {name: value.clone() for name, (_, value) in self._state.items()}
         self._sensors = self._follow("sensordata")
@@ -103,9 +107,9 @@ class WarpPhysics:
 
     def clear(self, mask: Tensor) -> None:
         for name, (_, value) in self._state.items():
-            _put(value, self._start[name], mask)
+            write(value, self._start[name], mask)
         for raw in (self._warmstart, self._time):
-            _put(raw, torch.zeros_like(raw), mask)
+            write(raw, torch.zeros_like(raw), mask)
 
     def state(self) -> Tensor:
         rows = torch.zeros(self.num_sims, row_size(self.model), dtype=torch.float64, device=self.device)
@@ -117,8 +121,8 @@ class WarpPhysics:
         if mask is None:
             mask = torch.ones(self.num_sims, dtype=torch.bool, device=self.device)
         for component, part in zip(_COMPONENTS, self._parts(), strict=True):
-            _put(part, rows[:, self._rows[component]].reshape(part.shape), mask)
-        _put(self.eq_data, welds, mask)
+            write(part, rows[:, self._rows[component]].reshape(part.shape), mask)
+        write(self.eq_data, welds, mask)
         self.forward(mask)
 
     def _parts(self) -> tuple[Tensor, ...]:
@@ -172,10 +176,16 @@ class WarpPhysics:
             plain()
 
         def launch() -> None:
-            stream = warp.stream_from_torch(torch.cuda.current_stream(self.device))
-            warp.capture_launch(capture.graph, stream=stream)
+            warp.capture_launch(capture.graph, stream=self._stream())
 
         return launch
+
+    def _stream(self) -> Any:
+        """The CUDA stream that torch uses now, so that its reads and writes and ours keep their order."""
+        current = torch.cuda.current_stream(self.device)
+        if self._torch_stream is None or self._torch_stream.cuda_stream != current.cuda_stream:
+            self._torch_stream = self._warp.stream_from_torch(current)
+        return self._torch_stream
 
     def _check_room(self) -> None:
         kinds = self._mujoco_warp.OverflowType
@@ -198,12 +208,6 @@ _COMPONENTS = (
     _STATE.mjSTATE_EQ_ACTIVE,
 )
 """What a row holds of these scenes; forces applied from outside, which nothing here uses, stay zero."""
-
-
-def _put(target: Tensor, value: Tensor, mask: Tensor) -> None:
-    """Writes the rows of `mask` in place; indexing with the mask would ask the host for its size."""
-    where = mask.reshape(-1, *[1] * (target.ndim - 1))
-    target.copy_(torch.where(where, value.to(target.dtype), target))
 
 
 def _without_sensors(model: Any) -> Any:
