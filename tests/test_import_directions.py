@@ -21,7 +21,7 @@ LAYERS = (
     ("registry", "dm_environment", "gymnasium_shared"),
     ("gymnasium_env", "gymnasium_vector_env"),
 )
-SIMULATORS = {"mujoco", "dm_control", "dm_env"}
+SIMULATORS = {"mujoco", "mujoco_warp", "warp", "dm_control", "dm_env"}
 MEASURES_THE_SIMULATOR = {"bench.py", "bench_wrapped.py"}
 
 

@@ -153,7 +153,7 @@ class BatchedEnvironment:
         )
 
     def restore(self, snapshot: TensorDict, mask: Tensor | None = None) -> None:
-        """Puts the simulations of `mask` into the states of `snapshot` (batch N), taken by this or another simulator."""
+        """Puts the simulations of `mask` into the states of `snapshot` (batch N), which any simulator took."""
         self._check_batch(snapshot)
         mask, snapshot = self._all() if mask is None else mask, self._here(snapshot)
         self.physics.set_state(snapshot["physics"], snapshot["welds"], mask)
