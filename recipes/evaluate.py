@@ -16,8 +16,9 @@ from torchrl.checkpoint import Checkpoint
 from tstar_rl.chain import ChainPolicy
 from tstar_rl.collection import derive_seed
 from tstar_rl.configuration import chain_length, environment, recipe
+from tstar_rl.csv_tables import append_rows
 from tstar_rl.evaluation import MODES, Recorder, evaluate
-from tstar_rl.logging import append_rows, run_path
+from tstar_rl.logging import run_path
 from tstar_rl.skill_agent import load_skill
 
 

@@ -10,8 +10,9 @@ from omegaconf import DictConfig
 
 from tstar_rl.collection import derive_seed
 from tstar_rl.configuration import environment, recipe
+from tstar_rl.csv_tables import append_rows
 from tstar_rl.evaluation import Recorder, evaluate
-from tstar_rl.logging import append_rows, run_path
+from tstar_rl.logging import run_path
 
 
 @recipe("evaluate_expert", video=bool)

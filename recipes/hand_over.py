@@ -18,8 +18,9 @@ from tensordict import TensorDictBase
 from tstar_rl.chain import load_chain, try_out
 from tstar_rl.collection import derive_seed
 from tstar_rl.configuration import environment, load_skills, recipe
+from tstar_rl.csv_tables import append_rows
 from tstar_rl.evaluation import wilson_interval
-from tstar_rl.logging import append_rows, run_path
+from tstar_rl.logging import run_path
 from tstar_rl.plotting import hand_over_matrix
 from tstar_rl.skill import Skill
 from tstar_rl.state_sets import TerminationSet

@@ -7,10 +7,12 @@ import pytest
 import torch
 from tensordict import TensorDict
 
+from tstar_rl import logging
 from tstar_rl.chain import terminal_poses
 from tstar_rl.collection import derive_seed, run_episodes, with_starts
+from tstar_rl.csv_tables import MetricsLog, append_rows
 from tstar_rl.evaluation import evaluate, summarize, wilson_interval
-from tstar_rl.logging import MetricsLog, Run, append_rows
+from tstar_rl.logging import Run
 from tstar_rl.plotting import evaluation_table, learning_curves, read_evaluations, read_metrics
 
 
@@ -44,9 +46,40 @@ def test_evaluation_rows_replace_those_of_the_same_key(tmp_path):
     assert sorted(table.success) == [0.2, 0.3] and sorted(pd.read_csv(path).success) == [0.2, 0.3]
 
 
+def test_a_column_added_by_a_process_that_is_killed_loses_nothing(tmp_path, monkeypatch):
+    log = MetricsLog(tmp_path / "log.csv")
+    log.append({"a": 1})
+
+    def killed(*places):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("os.replace", killed)
+    for change in (lambda: log.append({"a": 2, "b": 3}), lambda: log.truncate(1)):
+        with pytest.raises(KeyboardInterrupt):
+            change()
+        assert (tmp_path / "log.csv").read_text() == "a\n1\n"
+
+
 def a_run(folder, **values) -> Run:
     config = {"task": {"name": "table"}, "system": "chain", "seed": 0, "resume": True, "progress_bar": False}
     return Run({**config, "results_dir": str(folder / "results"), "runs_dir": str(folder / "runs")}, **values)
+
+
+def test_a_run_that_begins_again_is_not_finished(tmp_path):
+    a_run(tmp_path).finish()
+    run = a_run(tmp_path)
+    done = run.work / "finished.json"
+    assert done.is_file()
+    run.start()
+    assert not done.is_file()
+
+
+def test_the_commit_is_that_of_the_code_wherever_a_run_is_started(tmp_path, monkeypatch):
+    here = logging._versions()["commit"]
+    monkeypatch.chdir(tmp_path)
+    assert logging._versions()["commit"] == here
+    monkeypatch.setenv("PATH", str(tmp_path))  # no git
+    assert logging._versions()["commit"] == "unknown"
 
 
 def test_the_best_turn_of_a_chain_is_told_by_its_trials(tmp_path):

@@ -16,14 +16,15 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
+import yaml
 from torch import Tensor
 from torchrl.checkpoint import GlobalRNGState
 from tqdm import tqdm
 
 from tstar_rl import checkpoint
+from tstar_rl.csv_tables import MetricsLog
 
-__all__ = ["MetricsLog", "Run", "append_rows", "run_path"]
+__all__ = ["MACHINE_ONLY", "Run", "run_path"]
 
 MACHINE_ONLY = (
     "nthread",
@@ -40,59 +41,10 @@ FOLLOWED = ("success_rate", "completed")
 """Columns of the metrics whose running means are kept."""
 
 
-class MetricsLog:
-    """A CSV file that grows by rows.
-
-    Args:
-        path: of the file. What is there is kept until `truncate`.
-    """
-
-    def __init__(self, path: str | Path) -> None:
-        self.path = Path(path)
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        self.columns: list[str] = []
-        self.rows = 0
-
-    def append(self, row: Mapping[str, Any]) -> None:
-        """Adds one row and flushes it to disk. A name that is new becomes a column, empty in the rows before."""
-        new = [name for name in row if name not in self.columns]
-        if new and self.rows:
-            table = pd.read_csv(self.path, dtype=str, keep_default_na=False)
-            table.assign(**dict.fromkeys(new, "")).to_csv(self.path, index=False)
-        self.columns += new
-        frame = pd.DataFrame([row], columns=self.columns)
-        frame.to_csv(self.path, mode="a" if self.rows else "w", header=not self.rows, index=False)
-        self.rows += 1
-
-    def truncate(self, rows: int) -> None:
-        """Keeps the first `rows` rows; the columns are those of the file."""
-        if rows == 0:
-            self.path.unlink(missing_ok=True)
-            self.columns, self.rows = [], 0
-            return
-        lines = self.path.read_text().splitlines(keepends=True)
-        if len(lines) < rows + 1:
-            raise ValueError(f"{self.path} has {len(lines) - 1} rows, but its checkpoint counts {rows}")
-        self.path.write_text("".join(lines[: rows + 1]))
-        self.columns, self.rows = lines[0].strip().split(","), rows
-
-
 def run_path(root: str | Path, task: str, recipe: str, seed: int, subtask: int | None = None) -> Path:
     """<root>/<task>/<recipe>/seed<k>[/subtask<i>]."""
     path = Path(root) / task / recipe / f"seed{seed}"
     return path if subtask is None else path / f"subtask{subtask}"
-
-
-def append_rows(path: str | Path, rows: list[dict[str, Any]], key: tuple[str, ...]) -> pd.DataFrame:
-    """Writes rows into a CSV table, in the place of rows with the same values of `key`; returns the table."""
-    path, new = Path(path), pd.DataFrame(rows)
-    if path.is_file():
-        old = pd.read_csv(path)
-        same = old.set_index(list(key)).index.isin(new.set_index(list(key)).index)
-        new = pd.concat([old[~same], new], ignore_index=True) if not same.all() else new
-    path.parent.mkdir(parents=True, exist_ok=True)
-    new.to_csv(path, index=False)
-    return new
 
 
 def _versions() -> dict[str, str]:
@@ -103,8 +55,16 @@ def _versions() -> dict[str, str]:
             found[name] = version(name)
         except ModuleNotFoundError:
             found[name] = "not installed"
-    commit = subprocess.run(["git", "rev-parse", "HEAD"], capture_output=True, text=True, check=False)
-    return {**found, "commit": commit.stdout.strip() or "unknown"}
+    return {**found, "commit": _commit() or "unknown"}
+
+
+def _commit() -> str:
+    """Of the repository that this file is in, wherever the process runs; empty without one, or without git."""
+    command = ["git", "-C", str(Path(__file__).parent), "rev-parse", "HEAD"]
+    try:
+        return subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip()
+    except FileNotFoundError:
+        return ""
 
 
 class Run:
@@ -149,6 +109,7 @@ class Run:
     def start(self, **components: Any) -> int:
         """Names what a checkpoint holds, resumes from one if there is one, and returns the steps done so far."""
         self.components = {**components, "run": self, "rng": GlobalRNGState()}
+        (self.work / "finished.json").unlink(missing_ok=True)  # until it is done again
         found = checkpoint.latest(self.work / "checkpoints") if self.config["resume"] else None
         if found is None:
             shutil.rmtree(self.work / "checkpoints", ignore_errors=True)
@@ -242,8 +203,6 @@ class Run:
         )
 
     def _write_config(self) -> None:
-        import yaml
-
         self.results.mkdir(parents=True, exist_ok=True)
         kept = {**self.config, "versions": _versions()}
         (self.results / "config.yaml").write_text(yaml.safe_dump(kept, sort_keys=False))
