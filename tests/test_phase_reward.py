@@ -215,3 +215,15 @@ def test_asking_pays_while_aligned_and_is_taken_back_from_the_bonus(task):
     assert_close(after["asked"].item(), 15.0)
     connected, _ = reward(task, 7, near, grip=1.0, connect=1.0, connected=OPEN, asked=15.0)
     assert_close(connected, gain + 10000 - 15.0 + 1.0)
+
+
+@pytest.mark.parametrize(
+    ("phase", "half_paid", "bonus"),
+    [(3, False, 42500.0), (4, False, 37500.0), (4, True, 35000.0), (6, True, 20000.0)],
+)
+def test_connecting_early_pays_the_phases_left_out(task, phase, half_paid, bonus):
+    still = scene(touching=OPEN)
+    waited, _ = reward(task, phase, still, grip=1.0, half_paid=True)
+    connected, after = reward(task, phase, still, grip=1.0, connected=OPEN, half_paid=half_paid)
+    assert_close(connected - waited, bonus)
+    assert after["half_paid"].item() or phase > 4

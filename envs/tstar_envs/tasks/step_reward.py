@@ -24,6 +24,7 @@ class StepReward:
         self._bonuses = phase_reward.BONUS * torch.tensor(
             phase_reward.BONUS_SHARES, dtype=torch.float64, device=device
         )
+        self._remaining = self._bonuses.flip(0).cumsum(0).flip(0)  # of a phase and those after it
 
     def potentials(self, scene: Scene, state: TensorDict) -> Tensor:
         """Potential of each phase, (N, 8)."""
@@ -32,7 +33,9 @@ class StepReward:
     def pay(self, state: TensorDict, scene: Scene, action: Tensor, connected: Tensor) -> Tensor:
         """Reward (N,) of the step that led to `scene`; moves `phase`, `potential` and what was paid on in `state`.
 
-        `action` is (N, 9), `connected` (N,) bool: two parts were joined in this step.
+        `action` is (N, 9), `connected` (N,) bool: two parts were joined in this step. Joining them ends the subtask
+        from any phase and pays what the phases left out would have: a policy that joins early must not earn less
+        than one that lifts, aligns and then fails.
         """
         phase, grip = state["phase"], action[:, GRIPPER]
         potential = self.potentials(scene, state)
@@ -46,10 +49,10 @@ class StepReward:
             scene, state["start_tip"], state["lift_point"], self.tables.z_finedist, grip < 0, connected
         )
         done = met.gather(-1, phase.unsqueeze(-1)).squeeze(-1) | connected
-        paid = torch.where(connected, self._bonuses[-1], self._bonuses[phase]) * done
+        paid = torch.where(connected, self._remaining[phase], self._bonuses[phase]) * done
         rise = self.tables.waypoint[self.tables.step_index(state["subtask"]), 2]
         off_ground = phase_reward.off_ground(scene, state["lift_point"], rise)
-        raised = (phase == 4) & ~state["half_paid"] & off_ground
+        raised = ~state["half_paid"] & torch.where(connected, phase <= 4, (phase == 4) & off_ground)
         asking = 10.0 * (action[:, CONNECT] + 1) * ((phase == 7) & scene.alignment.aligned & ~connected)
         bonus = paid + 0.5 * self._bonuses[4] * raised + asking - state["asked"] * connected
 
