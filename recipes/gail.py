@@ -67,7 +67,7 @@ def main(config: DictConfig) -> None:
         steps += rollout.numel()
         log = update_f_phi(expert.observations, rollout["observation"])
         rollout = reward(rollout)
-        log |= update_policy(rollout, steps / total)
+        log |= update_policy(rollout, steps / total) | collection.counts()
         if config.normalizer.running:
             skill.normalizer.update(rollout["observation"], config.normalizer.floor)
         run.log(steps, **rollout_metrics(rollout), **log)

@@ -68,8 +68,9 @@ def main(config: DictConfig) -> None:
                 run.log_terminal_states(steps, index, terminal_poses(rollout, config.chain.logged_states))
             log = update_f_phi(experts[index].observations, rollout["observation"])
             rollout = reward(rollout)
-            log |= update_policy(rollout, steps / run.total)
-            log |= collection.start_counts()
+            log |= update_policy(rollout, steps / run.total) | collection.counts()
+            if config.normalizer.running:
+                skill.normalizer.update(rollout["observation"], config.normalizer.floor)
             if config.chain.gate and number == rollouts - 1:
                 make_trial = partial(trial_environment, config, skills, run.turn + 1, index)
                 log |= keep_better(skill, before, make_trial, config.chain.gate_margin)

@@ -59,7 +59,7 @@ def main(config: DictConfig) -> None:
         rollout = collection.rollout()
         steps += rollout.numel()
         rollout = reward(rollout)
-        log = update_policy(rollout, steps / total)
+        log = update_policy(rollout, steps / total) | collection.counts()
         if config.normalizer.running:
             skill.normalizer.update(rollout["observation"], config.normalizer.floor)
         run.log(steps, **rollout_metrics(rollout), **log)

@@ -65,7 +65,7 @@ def main(config: DictConfig) -> None:
         steps += int(rollout["next", "skill_steps"].sum())
         rollout = reward(rollout)
         buffer.extend(rollout.select(*TRANSITION).reshape(-1))
-        log = update_policy(buffer, rollout.numel())
+        log = update_policy(buffer, rollout.numel()) | collection.counts()
         run.log(steps, **rollout_metrics(rollout), **log)
         if run.improved:
             agent.save(run.work / "best", recipe=config.system, env_steps=steps)

@@ -79,7 +79,9 @@ def main(config: DictConfig) -> None:
             if following is not None:
                 log |= update_d_omega(states(following.initiation_set), states(skill.termination_set))
             rollout = reward(rollout)
-            log |= update_policy(rollout, steps / run.total) | collection.start_counts()
+            log |= update_policy(rollout, steps / run.total) | collection.counts()
+            if config.normalizer.running:
+                skill.normalizer.update(rollout["observation"], config.normalizer.floor)
             if config.chain.gate and number == rollouts - 1:
                 make_trial = partial(trial_environment, config, skills, run.turn + 1, index)
                 log |= keep_better(skill, before, make_trial, config.chain.gate_margin)

@@ -5,6 +5,7 @@ import torch
 from tensordict import TensorDict, TensorDictBase
 from torchrl.envs import check_env_specs
 
+from tstar_rl.collection import counts_of, with_starts
 from tstar_rl.furniture_env import FurnitureEnv
 
 KEYS = ("observation", "subtask", "phase", "success", "completed", "done", "terminated", "truncated")
@@ -146,10 +147,12 @@ def test_a_lost_simulation_terminates(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     env = make()
     env.reset()
+    assert counts_of(with_starts(env)) == {}
     env.world.physics.qvel[1, 0] = float("nan")
     step = env.step(still(env))["next"]
     assert step["terminated"].flatten().tolist() == [False, True, False] and not step["truncated"].any()
     assert not step["success"].any() and env.failures == 1 and step["observation"].isfinite().all()
+    assert counts_of(with_starts(env)) == {"failures": 1}  # what recipes log
 
 
 def test_the_whole_task_counts_what_it_completed():

@@ -75,5 +75,11 @@ def check_chain(folder: Path) -> None:
     assert rows.skill.tolist() == [0, 1, 2, 3] and rows.env_steps.tolist() == [STEPS * i for i in range(1, 5)]
     assert rows.trial_progress.notna().tolist() == [False, False, False, True]
     assert "accepted" not in rows  # a skill stays what training made of it
+    places = [f"table_lack/{system}/seed0" for system in ("gail_ppo", "tstar")]
+    before, after = (
+        Skill.load(folder / "runs" / place)
+        for place in (f"{places[0]}/subtask1/last", f"{places[1]}/last/skill1")
+    )
+    assert after.normalizer.count == before.normalizer.count + STEPS  # it runs on
     names = {path.name for path in (folder / "runs/table_lack/tstar/seed0/last").iterdir()}
     assert names == {f"skill{index}" for index in range(4)}

@@ -20,6 +20,7 @@ __all__ = [
     "COLLECTOR",
     "PURPOSES",
     "Collection",
+    "counts_of",
     "derive_seed",
     "load_state",
     "rollout_metrics",
@@ -111,18 +112,27 @@ class Collection:
         """What `state_dict` gave."""
         load_state(self.collector, state)
 
-    def start_counts(self) -> dict[str, int]:
-        """See `starts.gaussian_counts`."""
-        return gaussian_counts(self.env)
+    def counts(self) -> dict[str, int]:
+        """See `counts_of`."""
+        return counts_of(self.env)
 
     def close(self) -> None:
         """Frees the simulations."""
         self.collector.shutdown()
 
 
+def counts_of(env: TransformedEnv) -> dict[str, int]:
+    """What is logged of an environment since it was made: what its Gaussian has drawn, and simulations that failed.
+
+    "failures" is there once there are some.
+    """
+    failures = getattr(env.base_env, "failures", 0)
+    return gaussian_counts(env) | ({"failures": failures} if failures else {})
+
+
 def state_of(collector: Collector) -> dict[str, Any]:
     """Simulations, generators and last observations of a collector whose environment is `with_starts`."""
-    env = collector.env
+    env: Any = collector.env
     world = env.base_env.state_dict()
     world = {k: v.to_dict() if isinstance(v, TensorDictBase) else v for k, v in world.items()}
     return {
@@ -134,7 +144,7 @@ def state_of(collector: Collector) -> dict[str, Any]:
 
 def load_state(collector: Collector, state: dict[str, Any]) -> None:
     """What `state_of` gave."""
-    env = collector.env
+    env: Any = collector.env
     batch, device = env.batch_size, env.device
     world = {
         k: TensorDict.from_dict(v, batch_size=batch, device=device) if isinstance(v, dict) else v

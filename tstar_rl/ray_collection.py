@@ -18,8 +18,8 @@ from torchrl.collectors import Collector
 from torchrl.envs import TransformedEnv
 
 from tstar_rl.cluster import RETRIES, ClusterSettings, connect, resources
-from tstar_rl.collection import COLLECTOR, derive_seed, load_state, state_of
-from tstar_rl.starts import gaussian_counts, termination_sets
+from tstar_rl.collection import COLLECTOR, counts_of, derive_seed, load_state, state_of
+from tstar_rl.starts import termination_sets
 from tstar_rl.state_sets import TerminationSet
 
 __all__ = ["RayCollection", "Worker"]
@@ -51,9 +51,9 @@ class Worker(Collector):
         """What `simulations` gave."""
         load_state(self, state)
 
-    def start_counts(self) -> dict[str, int]:
-        """See `starts.gaussian_counts`."""
-        return gaussian_counts(self.env)
+    def counts(self) -> dict[str, int]:
+        """See `counts_of`."""
+        return counts_of(self.env)
 
 
 def _make(make: Callable[..., TransformedEnv], num_envs: int, seed: int, capacity: int | None):
@@ -129,10 +129,11 @@ class RayCollection:
         """Each worker loads its own state; see `Collection.settle`."""
         self._ask("settle")
 
-    def start_counts(self) -> dict[str, int]:
-        """What the workers' Gaussians have drawn, together; see `starts.gaussian_counts`."""
-        counts = self._ask("start_counts")
-        return {name: sum(each[name] for each in counts) for name in counts[0]}
+    def counts(self) -> dict[str, int]:
+        """Of all workers' environments together; see `counts_of`."""
+        counts = self._ask("counts")
+        names = dict.fromkeys(name for each in counts for name in each)
+        return {name: sum(each.get(name, 0) for each in counts) for name in names}
 
     def state_dict(self) -> dict[str, Any]:
         """The state of every worker, and which rollout is next."""
