@@ -57,10 +57,6 @@ class Demonstrations:
     def __len__(self) -> int:
         return len(self.lengths)
 
-    def sample(self, n: int, generator: torch.Generator) -> Tensor:
-        """n observations drawn with replacement, (n, 72)."""
-        return self.observations[torch.randint(len(self.observations), (n,), generator=generator)]
-
     def save(self, path: str | Path) -> None:
         """Writes the file; one that is there stays whole until the new one is complete."""
         header = {

@@ -4,10 +4,7 @@ A set is a ring on TorchRL's replay buffer: the newest `capacity` states. Rows a
 replacement, with a generator that the caller owns, so that a run can be resumed to the bit.
 """
 
-import json
-import shutil
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any, Protocol
 
 import torch
@@ -83,29 +80,6 @@ class StateSet:
             self.buffer.extend(TensorDict(state["rows"], batch_size=[count]))
         self.buffer.writer.load_state_dict(dict(state["writer"]))
         self.added = int(state["added"])
-
-    def save(self, path: str | Path) -> None:
-        """Writes a folder of tensors and JSON, replacing what was at `path`."""
-        state = self.state_dict()
-        rows = state.pop("rows")
-        shutil.rmtree(path, ignore_errors=True)
-        if len(self):
-            TensorDict(rows, batch_size=[len(self)]).memmap(str(Path(path) / "rows"))
-        Path(path).mkdir(parents=True, exist_ok=True)
-        (Path(path) / "set.json").write_text(json.dumps(state))
-
-    def load(self, path: str | Path) -> None:
-        """Reads what `save` wrote.
-
-        Raises:
-            FileNotFoundError: if there is nothing at `path`.
-        """
-        file = Path(path) / "set.json"
-        if not file.is_file():
-            raise FileNotFoundError(f"no saved {type(self).__name__} at {path}")
-        state = json.loads(file.read_text())
-        rows = TensorDict.load_memmap(str(Path(path) / "rows")).to_dict() if state["count"] else {}
-        self.load_state_dict({**state, "rows": rows})
 
 
 def _dotted(key: Any) -> str:
@@ -208,11 +182,3 @@ class TerminalGaussian:
             self.counts["refused"] += len(waiting)
         self.counts["given_up"] += len(waiting)
         return snapshot
-
-    def state_dict(self) -> dict[str, int]:
-        """The counts; the Gaussian itself follows from the set."""
-        return dict(self.counts)
-
-    def load_state_dict(self, state: Mapping[str, int]) -> None:
-        """What `state_dict` gave."""
-        self.counts = {name: int(state[name]) for name in self.counts}
