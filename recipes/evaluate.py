@@ -7,17 +7,18 @@ python recipes/evaluate.py path=runs/table_lack/tstar/seed0/last
 
 import itertools
 import json
+import math
 from pathlib import Path
 
 import torch
 from omegaconf import DictConfig
 from torchrl.checkpoint import Checkpoint
 
-from tstar_rl.chain import ChainPolicy
+from tstar_rl.chain import ChainPolicy, chain_folders
 from tstar_rl.collection import derive_seed
 from tstar_rl.configuration import chain_length, environment, recipe
 from tstar_rl.csv_tables import append_rows
-from tstar_rl.evaluation import MODES, Recorder, evaluate
+from tstar_rl.evaluation import MODES, Recorder, check_modes, evaluate
 from tstar_rl.logging import run_path
 from tstar_rl.skill_agent import load_skill
 
@@ -25,6 +26,7 @@ from tstar_rl.skill_agent import load_skill
 @recipe("evaluate", path=str | None, checkpoints=tuple[str, ...], modes=tuple[str, ...], video=bool)
 def main(config: DictConfig) -> None:
     """Evaluates, prints the table and adds it to evaluation.csv."""
+    check_modes(config.modes)
     results, checkpoints = _places(config)
     rows, film = [], config.video
     for name, folders in checkpoints.items():
@@ -71,19 +73,22 @@ def _places(config: DictConfig) -> tuple[Path, dict[str, list[Path]]]:
 
 def _skills(place: Path) -> list[Path]:
     """The folder of the one skill saved at `place`, or of each skill of the chain saved there."""
-    return [place] if Checkpoint.is_checkpoint(place) else sorted(place.glob("skill*"))
+    return [place] if Checkpoint.is_checkpoint(place) else chain_folders(place)
 
 
 def _spent(config: DictConfig, folders: list[Path], chain: bool) -> dict[str, float]:
     """Environment steps and minutes that went into the skills, training and fine-tuning together.
 
-    The best checkpoint cost what the last one did: its whole run was needed to tell that it is the best.
+    They are nan where a run has not ended. The best checkpoint cost what the last one did: its whole run was needed to
+    tell that it is the best.
     """
     runs = {folder.parents[1 if folder.name.startswith("skill") else 0] for folder in folders}
     if chain:
         task, seed = config.task.name, config.seed
         runs |= {run_path(config.runs_dir, task, config.skills, seed, i) for i in range(len(folders))}
-    files = [run / "finished.json" for run in runs if (run / "finished.json").is_file()]
+    files = [run / "finished.json" for run in runs]
+    if not all(file.is_file() for file in files):
+        return {"env_steps": math.nan, "minutes": math.nan}
     spent = [json.loads(file.read_text()) for file in files]
     return {name: sum(one[name] for one in spent) for name in ("env_steps", "minutes")}
 

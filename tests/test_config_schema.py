@@ -67,6 +67,8 @@ def test_what_a_user_may_add():
         ("tstar", "chain.starts={buffer: most}", "chain.starts must be a section, each value a number, got"),
         ("evaluate", "video=maybe", "video must be true or false, got 'maybe'"),
         ("gail_ppo", "env.velocity_scale=2.0", r"velocity_scale must be in \(0, 1\], got 2.0"),
+        ("gail_ppo", "task.subtasks=3", "task.subtasks of table_lack must be 4.* got 3"),
+        ("gail_ppo", "task.name=table_lak", "no furniture is called 'table_lak': did you mean 'table_lack'"),
         ("gail_ppo", "+env.velocity_scal=1", "unknown task setting 'velocity_scal'.*velocity_scale"),
     ],
 )

@@ -17,6 +17,7 @@ from tstar_rl.state_sets import StateSet, TerminationSet
 
 __all__ = [
     "ChainPolicy",
+    "chain_folders",
     "chain_progress",
     "keep_better",
     "load_chain",
@@ -82,13 +83,18 @@ def save_chain(skills: Sequence[Skill], path: Path, **record: Any) -> None:
         skill.save(path / f"skill{index}", **record)
 
 
+def chain_folders(path: Path) -> list[Path]:
+    """The folders of the skills of the chain at `path`, in order; none if there is no chain."""
+    return sorted(path.glob("skill*"), key=lambda folder: int(folder.name.removeprefix("skill")))
+
+
 def load_chain(path: Path, **expected: Any) -> list[Skill]:
     """What `save_chain` wrote to `path`; see `Skill.load` for what is expected.
 
     Raises:
         FileNotFoundError: if there is none.
     """
-    folders = sorted(path.glob("skill*"))
+    folders = chain_folders(path)
     if not folders:
         raise FileNotFoundError(f"no chain at {path}")
     return [Skill.load(folder, **expected) for folder in folders]

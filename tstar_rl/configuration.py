@@ -13,7 +13,7 @@ from tstar_rl.checkpoint import differences
 from tstar_rl.collection import derive_seed, with_starts
 from tstar_rl.config_check import check
 from tstar_rl.config_schema import Config
-from tstar_rl.demonstrations import DemonstrationError, Demonstrations
+from tstar_rl.demonstrations import KINDS, DemonstrationError, Demonstrations
 from tstar_rl.logging import run_path
 from tstar_rl.networks import set_action_std
 from tstar_rl.skill import NetworkSettings, Skill
@@ -75,13 +75,14 @@ def check_config(config: DictConfig, name: str) -> None:
 
     Raises:
         ConfigError: see `config_check.check`.
-        ValueError: for a setting of the task that there is not, or that has no such value.
+        ValueError: for a task that there is not or has not so many subtasks, and for settings of it that there are
+            not or have no such value.
     """
-    from tstar_rl.furniture_env import check_settings
+    from tstar_rl.furniture_env import check_task
 
     values = plain(config)
     check(values, Config, "", OWN_KEYS[name])
-    check_settings(values["env"])
+    check_task(**values["task"], settings=values["env"])
 
 
 def settings(kind: type, section: Mapping[str, Any] | DictConfig) -> Any:
@@ -177,7 +178,13 @@ def new_skill_agent(config: DictConfig, subtask: int | None) -> SkillAgent:
 
 
 def demonstrations_path(config: DictConfig, subtask: int | None, kind: str) -> Path:
-    """<demonstrations_dir>/<task>/<subtask<i>|whole>_<kind>.npz."""
+    """<demonstrations_dir>/<task>/<subtask<i>|whole>_<kind>.npz.
+
+    Raises:
+        ValueError: if `kind` is not one of `KINDS`.
+    """
+    if kind not in KINDS:
+        raise ValueError(f"kind of demonstrations must be one of {', '.join(KINDS)}; got {kind!r}")
     part = "whole" if subtask is None else f"subtask{subtask}"
     return Path(config.demonstrations_dir) / config.task.name / f"{part}_{kind}.npz"
 

@@ -1,7 +1,7 @@
 """How good a policy is, on episodes that nothing was trained or chosen on."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ from torchrl.envs import ExplorationType, TransformedEnv, set_exploration_type
 
 from tstar_rl.collection import run_episodes
 
-__all__ = ["MODES", "Recorder", "evaluate", "summarize", "wilson_interval"]
+__all__ = ["MODES", "Recorder", "check_modes", "evaluate", "summarize", "wilson_interval"]
 
 MODES = {
     "deterministic": ExplorationType.DETERMINISTIC,
@@ -69,6 +69,13 @@ def summarize(
     return row
 
 
+def check_modes(modes: Iterable[str]) -> None:
+    """Raises a ValueError for a mode that is not in `MODES`."""
+    for mode in modes:
+        if mode not in MODES:
+            raise ValueError(f"mode must be one of {', '.join(MODES)}; got {mode!r}")
+
+
 def evaluate(
     policy: Callable,
     env: TransformedEnv,
@@ -81,8 +88,7 @@ def evaluate(
     Raises:
         ValueError: if `mode` is not in `MODES`.
     """
-    if mode not in MODES:
-        raise ValueError(f"mode must be one of {', '.join(MODES)}; got {mode!r}")
+    check_modes([mode])
     with set_exploration_type(MODES[mode]):
         last = run_episodes(env, policy, each_step)
     base = env.base_env

@@ -14,6 +14,7 @@ from torchrl.envs import EnvBase
 
 from tstar_envs import geometry, rendering
 from tstar_envs.environment import BatchedEnvironment
+from tstar_envs.furniture import library
 from tstar_envs.settings import TaskSettings
 from tstar_envs.tasks.actions import NUM_ACTIONS
 from tstar_envs.tasks.phase_reward import PHASES
@@ -21,9 +22,11 @@ from tstar_envs.tasks.phase_reward import PHASES
 _DONE_KEYS = ("done", "terminated", "truncated")
 
 
-def check_settings(values: Mapping[str, Any]) -> None:
-    """Raises the ValueError that an environment would for settings of the task that there are not, or not so."""
-    TaskSettings.from_mapping(values)
+def check_task(name: str, subtasks: int, settings: Mapping[str, Any]) -> None:
+    """Raises a ValueError for an unknown task, one without so many subtasks, or settings that it does not have."""
+    TaskSettings.from_mapping(settings)
+    if (steps := len(library.load(name).steps)) != subtasks:
+        raise ValueError(f"task.subtasks of {name} must be {steps}, the steps of its recipe, got {subtasks}")
 
 
 class FurnitureEnv(EnvBase):
@@ -114,7 +117,7 @@ class FurnitureEnv(EnvBase):
         return self.world.with_qpos(snapshot, qpos)
 
     def features(self, subtask: int) -> dict[str, Any]:
-        """What `networks.RelativeFeatures` needs to know of a subtask: part indices, connectors, grasp."""
+        """What `features.RelativeFeatures` needs to know of a subtask: part indices, connectors, grasp."""
         tables = self.world.task.tables
         axis = tables.grasp_axis[subtask].float()
         return {
