@@ -18,7 +18,10 @@ def main(config: DictConfig) -> None:
     if metrics.empty:
         raise SystemExit(f"no metrics.csv below {config.results_dir}: train something first")
     for name, rows in metrics[metrics.task == task].groupby("recipe"):
-        print(learning_curves(rows, Path(config.results_dir) / task / str(name) / "curves.png"))
+        try:
+            print(learning_curves(rows, Path(config.results_dir) / task / str(name) / "curves.png"))
+        except ValueError as nothing:  # behaviour cloning has no episodes
+            print(f"no curves of {name}: {nothing}")
     evaluations = read_evaluations(config.results_dir)
     if not evaluations.empty and (evaluations.subtask == -1).any():
         print(evaluation_table(evaluations).round(3).to_string())

@@ -11,7 +11,7 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from tstar_rl.configuration import recipe
-from tstar_rl.plotting import read_metrics, seed_curves
+from tstar_rl.plotting import read_evaluations, read_metrics, seed_curves
 from tstar_rl.report import curve_groups, replace_block, results_head, results_page
 
 COLUMNS = {
@@ -24,6 +24,8 @@ COLUMNS = {
 @recipe("report", docs_dir=str, readme=str, paper=str, notes=str, figures=bool)
 def main(config: DictConfig) -> None:
     """Writes and says where."""
+    if read_evaluations(config.results_dir).empty:
+        raise SystemExit(f"no evaluation.csv below {config.results_dir}: evaluate something first")
     page, readme = Path(config.docs_dir) / "results.md", Path(config.readme)
     page.parent.mkdir(parents=True, exist_ok=True)
     page.write_text(results_page(config.results_dir, config.paper, config.notes))
@@ -36,6 +38,8 @@ def main(config: DictConfig) -> None:
 def draw(results: Path, figures: Path) -> None:
     """Draws the curves of every task, and copies what other recipes drew of it."""
     metrics = read_metrics(results)
+    if metrics.empty:
+        return
     for task in sorted(metrics["task"].unique()):
         for name, rows in curve_groups(metrics, task).items():
             where = rows["recipe"] + (" " + rows["subtask"].astype(str) if name == "skills" else "")

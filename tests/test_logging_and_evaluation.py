@@ -192,5 +192,7 @@ def test_curves_and_table_from_folders(tmp_path):
         }
         append_rows(folder / "evaluation.csv", [row], ("checkpoint", "mode"))
     assert learning_curves(read_metrics(tmp_path), tmp_path / "curves.png").stat().st_size > 1000
+    with pytest.raises(ValueError, match="none of loss was logged; there are "):
+        learning_curves(read_metrics(tmp_path), tmp_path / "curves.png", ["loss"])
     table = evaluation_table(read_evaluations(tmp_path))
     assert table.loc[("table_lack", "tstar"), "progress"] == pytest.approx(0.9)

@@ -32,6 +32,8 @@ MACHINE_ONLY = (
     "results_dir",
     "runs_dir",
     "demonstrations_dir",
+    "launch",
+    "cluster",
     "progress_bar",
     "evaluation",
 )

@@ -80,8 +80,15 @@ def evaluation_table(
 def learning_curves(
     metrics: pd.DataFrame, path: str | Path, columns: Iterable[str] = ("success_rate", "episode_length", "kl")
 ) -> Path:
-    """One panel for each column, one line for each recipe, subtask and seed; writes a PNG."""
-    columns = [name for name in columns if name in metrics]
+    """One panel for each column that was logged, one line for each recipe, subtask and seed; writes a PNG.
+
+    Raises:
+        ValueError: if none was.
+    """
+    wanted = list(columns)
+    columns = [name for name in wanted if name in metrics and metrics[name].notna().any()]
+    if not columns:
+        raise ValueError(f"none of {', '.join(wanted)} was logged; there are {', '.join(metrics.columns)}")
     figure, panels = plt.subplots(1, len(columns), figsize=(5 * len(columns), 4), squeeze=False)
     by = ["recipe", "subtask", "seed"] + (["skill"] if "skill" in metrics else [])
     for panel, column in zip(panels[0], columns, strict=True):

@@ -83,7 +83,9 @@ class OpenLoopDecoder(nn.Module):
     def forward(self, skill: Tensor, observation: Tensor, step: Tensor) -> Tensor:
         """skill: (..., Z), observation: (..., 72), step: (...) in 0 .. H-1 -> the skill's action there, (..., 9)."""
         actions = self.decode(skill.reshape(-1, skill.shape[-1]), observation)
-        return actions[torch.arange(len(actions)), step.reshape(-1)].reshape(*step.shape, ACTION)
+        return actions[torch.arange(len(actions), device=actions.device), step.reshape(-1)].reshape(
+            *step.shape, ACTION
+        )
 
 
 class ClosedLoopDecoder(nn.Module):

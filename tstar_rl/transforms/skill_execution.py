@@ -83,7 +83,9 @@ class SkillExecution(Transform):
         return outcome.set("skill_steps", played.get("skill_steps") + one * ~ended)
 
     def _reset(self, tensordict: TensorDictBase, tensordict_reset: TensorDictBase) -> TensorDictBase:
-        none = torch.zeros((*tensordict_reset.batch_size, 1), dtype=torch.int64)
+        none = torch.zeros(
+            (*tensordict_reset.batch_size, 1), dtype=torch.int64, device=tensordict_reset.device
+        )
         return tensordict_reset.set("skill_steps", none)
 
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
