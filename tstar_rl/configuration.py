@@ -82,7 +82,7 @@ def check_config(config: DictConfig, name: str) -> None:
 
     values = plain(config)
     check(values, Config, "", OWN_KEYS[name])
-    check_task(**values["task"], settings=values["env"])
+    check_task(config.task.name, config.task.subtasks, values["env"])
 
 
 def settings(kind: type, section: Mapping[str, Any] | DictConfig) -> Any:
@@ -162,7 +162,7 @@ def new_skill(config: DictConfig, subtask: int | None) -> Skill:
             )
         features = environment(config, subtask, 1, 0).base_env.features(subtask)
     torch.manual_seed(derive_seed(config.seed, "networks", subtask))
-    return Skill(config.task.name, subtask, networks, features, config.chain.capacity)
+    return Skill(config.task.name, subtask, networks, features, config.chain.capacity).to(config.device)
 
 
 def new_skill_agent(config: DictConfig, subtask: int | None) -> SkillAgent:
@@ -197,7 +197,7 @@ def load_demonstrations(config: DictConfig, subtask: int | None) -> Demonstratio
     wrong = differences({name: found.arguments.get(name) for name in wanted}, wanted)
     if wrong:
         raise DemonstrationError(f"{path}: field arguments: {'; '.join(wrong)}; delete it to make it again")
-    return found
+    return found.to(config.device)
 
 
 def chain_length(config: DictConfig) -> int:
@@ -219,7 +219,7 @@ def load_skills(config: DictConfig, checkpoint: str = "last") -> list[Skill]:
             run_path(config.runs_dir, config.task.name, config.skills, config.seed, index) / checkpoint,
             task=config.task.name,
             subtask=index,
-        )
+        ).to(config.device)
         for index in range(chain_length(config))
     ]
 
