@@ -29,6 +29,8 @@ class TaskSection:
 
     name: str
     subtasks: int
+    laptop_steps: int
+    """Environment steps that a skill is trained for at `scale=laptop`."""
 
 
 @dataclass(frozen=True)
