@@ -3,9 +3,15 @@
 Tolerances and horizons: docs/decisions/0011-gpu-simulator.md.
 """
 
+import runpy
+import sys
+from pathlib import Path
+
+import pandas as pd
 import pytest
 import torch
 import warp_worlds
+from hydra.core.global_hydra import GlobalHydra
 from tensordict import TensorDict
 from torch import Tensor
 from worlds import run
@@ -89,3 +95,16 @@ def test_the_expert_succeeds_as_often(device, subtask):
     worlds[1].reset()
     ours, theirs = (run(world, world.expert().act)[0].double().mean() for world in worlds)
     assert abs(float(ours) - float(theirs)) <= 0.03
+
+
+@pytest.mark.slow
+def test_the_recipe_writes_what_it_measured(device, tmp_path, monkeypatch):
+    values = ["subtask=1", "episodes=3", "compared=2", f"device={device}", f"results_dir={tmp_path}"]
+    monkeypatch.setattr(sys, "argv", ["parity.py", *values])
+    GlobalHydra.instance().clear()
+    runpy.run_path(str(Path(__file__).parent.parent / "recipes" / "parity.py"), run_name="__main__")
+    row = pd.read_csv(tmp_path / "parity.csv").iloc[0]
+    assert (row["task"], row["subtask"], row["device"]) == ("table_lack", 1, device)
+    assert row["success_mujoco"] == row["success_warp"] == 1 and row["episodes_that_differ"] == 0
+    assert row["observation_1"] < 1e-5 and row["observation_10"] < 1e-4 and row["observation_60"] < 0.02
+    assert 0 < row["reward_10"] < 0.05 and row["steps_apart"] <= 2
