@@ -7,6 +7,7 @@ starts. Rows of one seed replace those of the same seed in <results_dir>/<task>/
 shows the mean over all seeds.
 """
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -53,6 +54,7 @@ def _follow(config: DictConfig, system: str, skills: Sequence[Skill]) -> list[di
         row |= {"subtask": index, "episodes": config.evaluation.episodes}
         own, last = _try(config, index, skill, None)
         row |= _share("own_starts", own, config.evaluation.episodes)
+        row |= dict.fromkeys(("handed_over", "handed_over_low", "handed_over_high"), math.nan)
         reached = TerminationSet(config.evaluation.episodes)
         if index and len(before):
             handed, last = _try(config, index, skill, before)

@@ -7,7 +7,7 @@ import pytest
 from hydra import compose, initialize_config_dir
 
 from tstar_rl.config_check import ConfigError
-from tstar_rl.configuration import CONFIGS, check_config, recipe, settings
+from tstar_rl.configuration import CONFIGS, check_config, demonstrations_path, recipe, settings
 from tstar_rl.updates import PPOSettings
 
 RECIPES = Path(__file__).resolve().parent.parent / "recipes"
@@ -80,6 +80,11 @@ def test_what_is_refused(name, override, message):
 def test_a_settings_object_is_refused_alike():
     with pytest.raises(ConfigError, match="PPOSettings.minibatch must be a whole number, got 1.5"):
         settings(PPOSettings, {"minibatch": 1.5})
+
+
+def test_a_kind_of_demonstrations_that_there_is_not():
+    with pytest.raises(ValueError, match="kind of demonstrations must be one of plain, noisy; got 'nois'"):
+        demonstrations_path(None, 0, "nois")
 
 
 def test_a_recipe_begins_with_the_check():

@@ -11,7 +11,7 @@ from tstar_rl import logging
 from tstar_rl.chain import terminal_poses
 from tstar_rl.collection import derive_seed, run_episodes, with_starts
 from tstar_rl.csv_tables import MetricsLog, append_rows
-from tstar_rl.evaluation import evaluate, summarize, wilson_interval
+from tstar_rl.evaluation import check_modes, evaluate, summarize, wilson_interval
 from tstar_rl.logging import Run
 from tstar_rl.plotting import evaluation_table, learning_curves, read_evaluations, read_metrics
 
@@ -58,6 +58,11 @@ def test_a_column_added_by_a_process_that_is_killed_loses_nothing(tmp_path, monk
         with pytest.raises(KeyboardInterrupt):
             change()
         assert (tmp_path / "log.csv").read_text() == "a\n1\n"
+
+
+def test_an_unknown_mode_is_named():
+    with pytest.raises(ValueError, match="mode must be one of deterministic, stochastic; got 'det'"):
+        check_modes(["deterministic", "det"])
 
 
 def a_run(folder, **values) -> Run:

@@ -41,12 +41,13 @@ def run(folder: Path, recipe: str, *values: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(1800)  # seven processes: minutes on a machine that does other things
+@pytest.mark.timeout(1800)  # eight processes: minutes on a machine that does other things
 def test_the_paper_scale_trains_skills_and_a_chain(tmp_path):
     run(tmp_path, "make_demonstrations", "kinds=[plain]")
     for subtask in range(4):
         run(tmp_path, "gail_ppo", f"subtask={subtask}")
     run(tmp_path, "tstar")
+    run(tmp_path, "hand_over", "systems=[tstar]", "evaluation.episodes=4")
     check_skill(tmp_path)
     check_chain(tmp_path)
 
@@ -81,5 +82,7 @@ def check_chain(folder: Path) -> None:
         for place in (f"{places[0]}/subtask1/last", f"{places[1]}/last/skill1")
     )
     assert after.normalizer.count == before.normalizer.count + STEPS  # it runs on
+    handed = pd.read_csv(folder / "results/table_lack/hand_over.csv")
+    assert len(handed) == 4 and handed.handed_over.isna().all()  # so short a training hands nothing over
     names = {path.name for path in (folder / "runs/table_lack/tstar/seed0/last").iterdir()}
     assert names == {f"skill{index}" for index in range(4)}
