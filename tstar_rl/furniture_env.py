@@ -119,14 +119,17 @@ class FurnitureEnv(EnvBase):
     def features(self, subtask: int) -> dict[str, Any]:
         """What `features.RelativeFeatures` needs to know of a subtask: part indices, connectors, grasp."""
         tables = self.world.task.tables
-        axis = tables.grasp_axis[subtask].float()
+
+        def figures(table: Tensor) -> Tensor:
+            return table[subtask].float().cpu()  # a network is built there, and moved afterwards
+
         return {
             "moving_part": int(tables.moving[subtask]),
             "target_part": int(tables.target[subtask]),
-            "moving_connector": tables.moving_connector[subtask].float(),
-            "target_connector": tables.target_connector[subtask].float(),
-            "grasp": torch.cat([tables.grasp_point[subtask].float(), _frame_with_x(axis)]),
-            "allowed_angles": tables.allowed_angles[subtask].float(),
+            "moving_connector": figures(tables.moving_connector),
+            "target_connector": figures(tables.target_connector),
+            "grasp": torch.cat([figures(tables.grasp_point), _frame_with_x(figures(tables.grasp_axis))]),
+            "allowed_angles": figures(tables.allowed_angles),
         }
 
     def write_mp4(self, path: str | Path, positions: Tensor) -> bool:
@@ -134,7 +137,7 @@ class FurnitureEnv(EnvBase):
         renderer = rendering.make_renderer(self.world.model)
         if renderer is None:
             return False
-        rendering.write_mp4(path, (renderer.draw(row) for row in positions))
+        rendering.write_mp4(path, (renderer.draw(row) for row in positions.cpu()))
         renderer.close()
         return True
 
