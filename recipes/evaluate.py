@@ -33,7 +33,7 @@ def main(config: DictConfig) -> None:
         skills = [load_skill(folder, task=config.task.name) for folder in folders]
         chain = len(skills) > 1
         subtask = None if chain else skills[0].subtask
-        policy = ChainPolicy(skills) if chain else skills[0].policy
+        policy = (ChainPolicy(skills) if chain else skills[0].policy).to(config.device)
         number = config.evaluation.episodes if subtask is not None else config.evaluation.whole_episodes
         spent = _spent(config, folders, chain)
         for mode in config.modes:

@@ -116,7 +116,8 @@ def try_out(skill: Skill, env: TransformedEnv) -> tuple[float, TensorDictBase]:
 
 def hand_over(skill: Skill, last: TensorDictBase) -> None:
     """Lets the termination set be what this trial reached, and the initiation set grow by where it succeeded from."""
-    skill.termination_set = TerminationSet(skill.termination_set.capacity)
+    before = skill.termination_set
+    skill.termination_set = TerminationSet(before.capacity, before.device)
     skill.termination_set.extend_from(last)
     skill.initiation_set.extend_from(last)
 

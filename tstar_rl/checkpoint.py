@@ -68,7 +68,7 @@ def read_record(path: str | Path, **expected: Any) -> dict[str, Any]:
 def load(path: str | Path, components: Mapping[str, Any], **expected: Any) -> dict[str, Any]:
     """Restores the components and returns the record; see `read_record` for what is raised."""
     record = read_record(path, **expected)
-    Checkpoint(**components).load(path)
+    Checkpoint(**components).load(path, map_location="cpu")  # a component knows its own device
     return record
 
 

@@ -52,7 +52,7 @@ def collect(
     else:
         raise RuntimeError(f"only {len(pieces)} successes of {episodes} wanted in {max_rounds} rounds")
     pieces, seeds = pieces[:episodes], seeds[:episodes]
-    rows, base = torch.cat(pieces), env.base_env
+    rows, base = torch.cat(pieces).cpu(), env.base_env
     arguments = base.arguments
     return Demonstrations(
         task=arguments["task"],

@@ -6,7 +6,7 @@ One `.npz` file without pickled objects. E episodes of L_e steps are laid end to
 import json
 import os
 import zipfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -56,6 +56,11 @@ class Demonstrations:
 
     def __len__(self) -> int:
         return len(self.lengths)
+
+    def to(self, device: torch.device | str) -> "Demonstrations":
+        """The same with what is learnt from on a device; snapshots stay."""
+        learnt = {name: getattr(self, name).to(device) for name in ("observations", "actions", "executed")}
+        return replace(self, **learnt)
 
     def save(self, path: str | Path) -> None:
         """Writes the file; one that is there stays whole until the new one is complete."""

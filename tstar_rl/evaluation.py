@@ -113,9 +113,9 @@ class Recorder:
         """Takes the step's TensorDict, batch [N]."""
         if self.number:
             following = tensordict["next"][: self.number]
-            self.positions.append(self.env.qpos_of(following["snapshot"]).clone())
-            self.success.append(following["success"].squeeze(-1).clone())
-            self.done.append(following["done"].squeeze(-1).clone())
+            self.positions.append(self.env.qpos_of(following["snapshot"]).clone().cpu())
+            self.success.append(following["success"].squeeze(-1).clone().cpu())
+            self.done.append(following["done"].squeeze(-1).clone().cpu())
 
     def write(self, folder: Path) -> list[Path]:
         """Writes first_success.mp4 and first_failure.mp4, those that there are; returns their paths."""

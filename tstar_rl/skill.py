@@ -88,6 +88,16 @@ class Skill:
             TerminationSet(capacity),
         )
 
+    def to(self, device: torch.device | str) -> "Skill":
+        """Moves networks and sets; returns the skill."""
+        for module in self.modules.values():
+            module.to(device)
+        for name, kind in (("initiation_set", InitiationSet), ("termination_set", TerminationSet)):
+            moved, state = kind(getattr(self, name).capacity, device), getattr(self, name).state_dict()
+            moved.load_state_dict(state)
+            setattr(self, name, moved)
+        return self
+
     @property
     def modules(self) -> dict[str, nn.Module]:
         """The networks by name, with their normaliser inside."""

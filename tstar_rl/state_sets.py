@@ -20,19 +20,21 @@ class StateSet:
 
     Args:
         capacity: states kept; the oldest go first.
+        device: where they are kept.
 
     Raises:
         ValueError: if the capacity is not positive.
     """
 
-    def __init__(self, capacity: int = 10_000) -> None:
+    def __init__(self, capacity: int = 10_000, device: torch.device | str = "cpu") -> None:
         if capacity < 1:
             raise ValueError(f"capacity must be at least 1, got {capacity}")
-        self.capacity = capacity
+        self.capacity, self.device = capacity, torch.device(device)
         self._clear()
 
     def _clear(self) -> None:
-        self.buffer = TensorDictReplayBuffer(storage=LazyTensorStorage(self.capacity), batch_size=1)
+        storage = LazyTensorStorage(self.capacity, device=self.device)
+        self.buffer = TensorDictReplayBuffer(storage=storage, batch_size=1)
         self.added = 0
 
     def __len__(self) -> int:
@@ -42,7 +44,7 @@ class StateSet:
         """Adds rows (n,); of more than `capacity` the last are kept. Returns n."""
         count = rows.batch_size[0]
         if count:
-            self.buffer.extend(rows[-self.capacity :].clone())
+            self.buffer.extend(rows[-self.capacity :].clone().to(self.device))
             self.added += count
         return count
 
@@ -77,7 +79,7 @@ class StateSet:
             raise ValueError(f"the saved set has {count} states, but this one's capacity is {self.capacity}")
         self._clear()
         if count:
-            self.buffer.extend(TensorDict(state["rows"], batch_size=[count]))
+            self.buffer.extend(TensorDict(state["rows"], batch_size=[count], device=self.device))
         self.buffer.writer.load_state_dict(dict(state["writer"]))
         self.added = int(state["added"])
 

@@ -85,5 +85,5 @@ class TerminalStateReward(RewardTransform):
         """Moves the mean towards scores (n, 1) as n successes one after another would; the first sets it."""
         n = scores.shape[0]
         weight = 1.0 if self.successes == 0 else 1.0 - (1.0 - self.momentum) ** n
-        self.mean.lerp_(scores.mean(), weight)
+        self.mean.lerp_(scores.mean().to(self.mean.device), weight)
         self.successes.add_(n)

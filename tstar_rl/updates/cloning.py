@@ -26,22 +26,21 @@ def behaviour_cloning(
     seed: int = 0,
 ) -> dict[str, float]:
     """Fits the policy's mean to actions (n, 9) at observations (n, 72) by least squares; logs the last epoch's loss."""
-    generator = torch.Generator().manual_seed(seed)
+    device = observations.device
+    generator = torch.Generator(device).manual_seed(seed)
     optimizer = torch.optim.Adam(policy.parameters(), settings.learning_rate)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, settings.epochs)
-    loss_sum, count = 0.0, 0
+    loss_sum, count = torch.zeros((), dtype=torch.float64, device=device), 0
     for _ in range(settings.epochs):
-        loss_sum, count = 0.0, 0
-        for rows in torch.randperm(len(observations), generator=generator).split(settings.minibatch):
+        loss_sum, count = torch.zeros_like(loss_sum), 0
+        order = torch.randperm(len(observations), generator=generator, device=device)
+        for rows in order.split(settings.minibatch):
             batch = TensorDict({"observation": observations[rows]}, [len(rows)])
             loss = (policy.get_dist(batch).mean - actions[rows]).square().mean()
             optimizer.zero_grad()
             loss.backward()
             optimizer.step()
-            loss_sum, count = (
-                loss_sum + float(loss.detach()) * len(rows),
-                count + len(rows),
-            )
+            loss_sum, count = loss_sum + loss.detach() * len(rows), count + len(rows)
         if settings.cosine_decay:
             schedule.step()
-    return {"bc_loss": loss_sum / max(count, 1)}
+    return {"bc_loss": float(loss_sum) / max(count, 1)}

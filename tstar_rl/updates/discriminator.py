@@ -41,11 +41,13 @@ class DiscriminatorUpdate:
     name: str
     seed: int = 0
     optimizer: torch.optim.Optimizer = field(init=False)
+    device: torch.device = field(init=False)
     generator: torch.Generator = field(init=False)
 
     def __post_init__(self) -> None:
         self.optimizer = torch.optim.Adam(self.loss.parameters(), self.settings.learning_rate)
-        self.generator = torch.Generator().manual_seed(self.seed)
+        self.device = next(self.loss.parameters()).device
+        self.generator = torch.Generator(self.device).manual_seed(self.seed)
 
     def __call__(self, positive: Tensor, negative: Tensor) -> dict[str, float]:
         """positive: (..., 72), negative: (..., 72) -> mean loss and scores; nothing if either is empty."""
@@ -54,10 +56,7 @@ class DiscriminatorUpdate:
             return {}
         sums: dict[str, Tensor] = {}
         for _ in range(self.settings.steps):
-            draws = [
-                rows[torch.randint(len(rows), (self.settings.minibatch,), generator=self.generator)]
-                for rows in sets
-            ]
+            draws = [rows[self._draw(len(rows))] for rows in sets]
             out = self.loss(TensorDict(dict(zip(self.keys, draws, strict=True)), [self.settings.minibatch]))
             loss = torch.stack([value for key, value in out.items() if key.startswith("loss_")]).sum()
             self.optimizer.zero_grad()
@@ -66,6 +65,11 @@ class DiscriminatorUpdate:
             for key, value in out.items():
                 sums[key] = sums.get(key, 0.0) + value.detach()
         return {f"{self.name}_{key}": float(value) / self.settings.steps for key, value in sums.items()}
+
+    def _draw(self, rows: int) -> Tensor:
+        """The rows of a minibatch, of so many."""
+        size = (self.settings.minibatch,)
+        return torch.randint(rows, size, generator=self.generator, device=self.device)
 
     def state_dict(self) -> dict[str, Any]:
         """Optimiser and generator."""

@@ -43,6 +43,8 @@ class PPOSettings:
     """First steps of the actor in which its rate grows linearly: Adam's very first steps have full size."""
     normalize_returns: bool = False
     """Divide rewards by the running deviation of discounted returns."""
+    compile: str | None = None
+    """A mode of `torch.compile` for the loss of a minibatch; "reduce-overhead" makes CUDA graphs of it. None: eager."""
 
 
 class PolicyUpdate:
@@ -68,10 +70,11 @@ class PolicyUpdate:
     ) -> None:
         self.settings = settings
         self.return_scale = return_scale
-        self.generator = torch.Generator().manual_seed(seed)
+        self.device = next(policy.parameters()).device
+        self.generator = torch.Generator(self.device).manual_seed(seed)
         self.updates = self.actor_steps = 0
         self.actor_rate = settings.learning_rate
-        self.carried = torch.zeros(())
+        self.carried = torch.zeros((), device=self.device)
         self.encoder, actor, self.critic = split_encoder(policy, value)
         self.loss = ClipPPOLoss(
             actor,
@@ -83,6 +86,9 @@ class PolicyUpdate:
             loss_critic_type="l2",
             normalize_advantage=True,
             functional=False,
+        )
+        self.losses = (
+            self.loss if settings.compile is None else torch.compile(self.loss, mode=settings.compile)
         )
         self.gae = GAE(
             gamma=settings.gamma,
@@ -101,49 +107,40 @@ class PolicyUpdate:
         self._set_learning_rates(progress)
         batch = self._with_advantage(rollout)
         actor_moves = self.updates >= self.settings.critic_warmup
-        log = {
-            "kl": 0.0,
-            "loss_policy": 0.0,
-            "loss_critic": 0.0,
-            "actor_steps": 0,
-            "critic_steps": 0,
-        }
+        nothing = torch.zeros((), dtype=torch.float64, device=self.device)
+        log: dict[str, Any] = dict.fromkeys(("kl", "loss_policy", "loss_critic"), nothing)
+        log |= {"actor_steps": 0, "critic_steps": 0}
         for _ in range(self.settings.epochs):
-            order = torch.randperm(batch.shape[0], generator=self.generator)
+            order = torch.randperm(batch.shape[0], generator=self.generator, device=self.device)
             for rows in order.split(self.settings.minibatch):
                 actor_moves = self._step(batch[rows], actor_moves, log)
         self.updates += 1
-        log["loss_policy"] /= max(log["actor_steps"], 1)
-        log["loss_critic"] /= max(log["critic_steps"], 1)
-        return log
+        log["loss_policy"] = log["loss_policy"] / max(log["actor_steps"], 1)
+        log["loss_critic"] = log["loss_critic"] / max(log["critic_steps"], 1)
+        return {name: float(value) if isinstance(value, Tensor) else value for name, value in log.items()}
 
-    def _step(self, batch: TensorDictBase, actor_moves: bool, log: dict[str, float]) -> bool:
-        """One minibatch; returns whether the actor may still move in this update."""
+    def _step(self, batch: TensorDictBase, actor_moves: bool, log: dict[str, Any]) -> bool:
+        """One minibatch; returns whether the actor may still move in this update.
+
+        What is logged stays on the device. The host waits for it only where a KL may stop the actor.
+        """
         if actor_moves:
-            losses = self.loss(batch)
-            log["kl"] = float(losses["kl_approx"].detach().mean())
-            actor_moves = log["kl"] <= self.settings.kl_stop
+            losses = self.losses(batch)
+            log["kl"] = losses["kl_approx"].detach().mean().double()
+            actor_moves = math.isinf(self.settings.kl_stop) or float(log["kl"]) <= self.settings.kl_stop
+        loss = critic_loss = losses["loss_critic"] if actor_moves else self.loss.loss_critic(batch)[0].mean()
         if actor_moves:
-            policy_loss = losses["loss_objective"] + losses.get("loss_entropy", torch.zeros(()))
+            policy_loss = losses["loss_objective"] + losses.get("loss_entropy", 0.0)
+            loss = policy_loss + critic_loss  # no parameter is in both; a compiled loss has one backward pass
             self.actor_steps += 1
             warmth = min(self.actor_steps / max(self.settings.rate_warmup, 1), 1.0)
             self.actor_optimizer.param_groups[0]["lr"] = warmth * self.actor_rate
-            _descend(
-                self.actor_optimizer,
-                policy_loss,
-                self.actor_parameters,
-                self.settings.max_grad_norm,
-            )
-            log["loss_policy"] += float(policy_loss.detach())
+            log["loss_policy"] = log["loss_policy"] + policy_loss.detach()
             log["actor_steps"] += 1
-        critic_loss = losses["loss_critic"] if actor_moves else self.loss.loss_critic(batch)[0].mean()
-        _descend(
-            self.critic_optimizer,
-            critic_loss,
-            self.critic_parameters,
-            self.settings.max_grad_norm,
-        )
-        log["loss_critic"] += float(critic_loss.detach())
+        learners = [(self.critic_optimizer, self.critic_parameters)]
+        learners += [(self.actor_optimizer, self.actor_parameters)] if actor_moves else []
+        _descend(loss, learners, self.settings.max_grad_norm)
+        log["loss_critic"] = log["loss_critic"] + critic_loss.detach()
         log["critic_steps"] += 1
         return actor_moves
 
@@ -201,16 +198,16 @@ class PolicyUpdate:
         self.critic_optimizer.load_state_dict(state["critic_optimizer"])
         self.generator.set_state(state["generator"])
         self.updates, self.actor_steps = int(state["updates"]), int(state["actor_steps"])
-        self.carried = state["carried"]
+        self.carried = state["carried"].to(self.device)
 
 
 def _descend(
-    optimizer: torch.optim.Optimizer,
-    loss: Tensor,
-    parameters: list[nn.Parameter],
-    max_norm: float,
+    loss: Tensor, learners: list[tuple[torch.optim.Optimizer, list[nn.Parameter]]], max_norm: float
 ) -> None:
-    optimizer.zero_grad()
+    """One step of each optimiser, its parameters' gradient clipped to a norm of its own."""
+    for optimizer, _ in learners:
+        optimizer.zero_grad()
     loss.backward()
-    nn.utils.clip_grad_norm_(parameters, max_norm)
-    optimizer.step()
+    for optimizer, parameters in learners:
+        nn.utils.clip_grad_norm_(parameters, max_norm)
+        optimizer.step()

@@ -1,0 +1,103 @@
+"""What trains stays on one device, whichever: run on torch's device without data, where a tensor left on the CPU fails.
+
+It needs no GPU. Numbers are made up where the host reads one, so this tells nothing of values.
+"""
+
+import shutil
+
+import pytest
+import torch
+from tensordict import TensorDict
+from torchrl.envs import Compose
+
+from tstar_rl.collection import Collection, with_starts
+from tstar_rl.skill import NetworkSettings, Skill
+from tstar_rl.transforms import GAILReward, RewardMixture, TerminalStateReward
+from tstar_rl.updates import (
+    BehaviourCloningSettings,
+    DiscriminatorSettings,
+    PolicyUpdate,
+    PPOSettings,
+    behaviour_cloning,
+    make_d_omega_update,
+    make_f_phi_update,
+)
+
+N, T = 4, 8
+
+
+@pytest.fixture
+def elsewhere(monkeypatch):
+    """A device without data. What the host would read of it is made up: a number 0.5, a truth False."""
+    generator, adam = torch.Generator, torch.optim.Adam
+    monkeypatch.setattr(torch.optim, "Adam", lambda parameters, fused=False, **rest: adam(parameters, **rest))
+    monkeypatch.setattr(torch, "Generator", lambda device="cpu": generator())
+    monkeypatch.setattr(torch.Tensor, "__float__", lambda self: 0.5)
+    monkeypatch.setattr(torch.Tensor, "__bool__", lambda self: False)
+    return torch.device("meta")
+
+
+def new_skill(device: torch.device) -> Skill:
+    settings = NetworkSettings(hidden=(16,), discriminator_hidden=(16,), std="fixed")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(torch.Tensor, "__bool__", lambda self: True)  # its checks pass
+        return Skill("table_lack", 0, settings).to(device)
+
+
+def new_rollout(device: torch.device) -> TensorDict:
+    def flags() -> torch.Tensor:
+        return torch.zeros(N, T, 1, dtype=torch.bool, device=device)
+
+    following = {name: flags() for name in ("done", "terminated", "truncated", "success")}
+    following |= {
+        "observation": torch.zeros(N, T, 72, device=device),
+        "reward_env": torch.zeros(N, T, 1, device=device),
+    }
+    rows = {
+        "observation": torch.zeros(N, T, 72, device=device),
+        "action": torch.zeros(N, T, 9, device=device),
+        "action_log_prob": torch.zeros(N, T, device=device),
+        "next": TensorDict(following, [N, T]),
+    }
+    return TensorDict(rows, [N, T], device=device)
+
+
+def test_an_update_of_everything(elsewhere):
+    skill, rollout = new_skill(elsewhere), new_rollout(elsewhere)
+    discriminator = DiscriminatorSettings(minibatch=8, steps=2)
+    observations = torch.zeros(32, 72, device=elsewhere)
+    reward = Compose(GAILReward(skill.f_phi), TerminalStateReward(skill.d_omega), RewardMixture(lambda_3=1.0))
+    ppo = PPOSettings(epochs=1, minibatch=16, normalize_returns=True, kl_stop=1.0)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(torch.Tensor, "__bool__", lambda self: True)  # it has a critic
+        update = PolicyUpdate(skill.policy, skill.value, ppo, skill.return_scale)
+    cloning = BehaviourCloningSettings(epochs=1, minibatch=16)
+    behaviour_cloning(skill.policy, observations, torch.zeros(32, 9, device=elsewhere), cloning)
+    make_f_phi_update(skill.f_phi, discriminator)(observations, rollout["observation"])
+    make_d_omega_update(skill.d_omega, discriminator)(observations, rollout["observation"])
+    log = update(reward(rollout))
+    skill.normalizer.update(rollout["observation"])
+    assert log["actor_steps"] == log["critic_steps"] == 2
+
+
+def test_a_tensor_elsewhere_is_found(elsewhere):
+    skill, rollout = new_skill(elsewhere), new_rollout(elsewhere)
+    with pytest.raises((RuntimeError, NotImplementedError)):
+        skill.policy(rollout.clear_device_().set("observation", torch.zeros(N, T, 72)))
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("g++") is None, reason="torch.compile needs a C++ compiler: g++ is not here")
+def test_a_compiled_update_does_what_an_eager_one_does(make_env):
+    states, logs = [], []
+    for mode in (None, "default"):
+        torch.manual_seed(0)
+        skill = Skill("table_lack", 0, NetworkSettings(hidden=(16,), std="fixed"))
+        env = with_starts(make_env(num_envs=16, snapshots=False))
+        rollout = Collection(env, skill.policy, 8).rollout()
+        rollout = RewardMixture(lambda_2=0.0)(rollout)
+        settings = PPOSettings(epochs=2, minibatch=32, kl_stop=0.05, compile=mode)
+        logs.append(PolicyUpdate(skill.policy, skill.value, settings, skill.return_scale)(rollout))
+        states.append(skill.network_state())
+    assert logs[0] == pytest.approx(logs[1], rel=1e-3, abs=1e-6)
+    torch.testing.assert_close(states[0], states[1], rtol=1e-4, atol=1e-6)
