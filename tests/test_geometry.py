@@ -79,3 +79,9 @@ def test_dtype_is_kept(dtype):
         g.yaw_quat(v[:, 0]),
     ]
     assert all(out.dtype == dtype for out in outs)
+
+
+def test_the_least_turn_of_the_x_axis():
+    assert_close(g.frame_with_x(tensor([0.0, 1.0, 0.0])), YAW_90)
+    for axis in ([1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.6, 0.0, -0.8]):
+        assert_close(g.quat_rotate(g.frame_with_x(tensor(axis)), tensor([1.0, 0.0, 0.0])), tensor(axis))

@@ -128,7 +128,9 @@ class FurnitureEnv(EnvBase):
             "target_part": int(tables.target[subtask]),
             "moving_connector": figures(tables.moving_connector),
             "target_connector": figures(tables.target_connector),
-            "grasp": torch.cat([figures(tables.grasp_point), _frame_with_x(figures(tables.grasp_axis))]),
+            "grasp": torch.cat(
+                [figures(tables.grasp_point), geometry.frame_with_x(figures(tables.grasp_axis))]
+            ),
             "allowed_angles": figures(tables.allowed_angles),
         }
 
@@ -240,14 +242,3 @@ def _leaf_spec(value: Tensor) -> Any:
     if value.dtype == torch.bool:
         return Binary(value.shape[-1], value.shape, dtype=torch.bool)
     return Unbounded(value.shape, dtype=value.dtype)
-
-
-def _frame_with_x(axis: Tensor) -> Tensor:
-    """Quaternion (4,) of the least turn that takes the x axis to the unit vector `axis` (3,)."""
-    x = axis.new_tensor([1.0, 0.0, 0.0])
-    cosine = torch.dot(x, axis)
-    if float(cosine) < -0.999999:
-        return geometry.yaw_quat(axis.new_tensor(torch.pi))
-    return torch.nn.functional.normalize(
-        torch.cat([(1 + cosine).reshape(1), torch.linalg.cross(x, axis)]), dim=-1
-    )

@@ -79,3 +79,13 @@ def up_axis(q: Tensor) -> Tensor:
     """The z axis (..., 3) of frames q (..., 4)."""
     w, x, y, z = q.unbind(-1)
     return torch.stack((2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)), -1)
+
+
+def frame_with_x(axis: Tensor) -> Tensor:
+    """Quaternion (4,) of the least turn that takes the x axis to the unit vector `axis` (3,)."""
+    x = axis.new_tensor([1.0, 0.0, 0.0])
+    cosine = torch.dot(x, axis)
+    if float(cosine) < -0.999999:
+        return yaw_quat(axis.new_tensor(torch.pi))
+    quat = torch.cat([(1 + cosine).reshape(1), torch.linalg.cross(x, axis)])
+    return torch.nn.functional.normalize(quat, dim=-1)
