@@ -25,6 +25,9 @@ def main(config: DictConfig) -> None:
     given = HydraConfig.get().overrides.task
     shared = [value for value in given if value.split("=")[0].split(".")[0] not in (*OWN, "scale")]
     shared.insert(0, f"scale={HydraConfig.get().runtime.choices['scale']}")
+    unknown = [system for system in config.only or () if system not in config.systems]
+    if unknown:
+        raise SystemExit(f"there is no baseline {', '.join(unknown)}; there are {', '.join(config.systems)}")
     wanted = [system for system in config.only or config.systems if not _done(config, system)]
     lanes = [_lane(config, system) for system in wanted]
     if lanes:
@@ -40,11 +43,12 @@ def _lane(config: DictConfig, system: str) -> list[Step]:
 
 
 def _done(config: DictConfig, system: str) -> bool:
-    """Whether a baseline has been trained and evaluated."""
+    """Whether a baseline has been trained and evaluated, and is not to be made anew."""
     place = (config.task.name, system, config.seed)
     trained = run_path(config.runs_dir, *place) / "finished.json"
     evaluated = run_path(config.results_dir, *place) / "evaluation.csv"
-    return trained.is_file() and evaluated.is_file() and evaluated.stat().st_mtime > trained.stat().st_mtime
+    there = config.resume and trained.is_file() and evaluated.is_file()
+    return there and evaluated.stat().st_mtime > trained.stat().st_mtime
 
 
 if __name__ == "__main__":
