@@ -15,7 +15,7 @@ from test_recipes import SMALL, demonstrations, metrics, places, run  # noqa: F4
 from tstar_rl import FurnitureEnv
 from tstar_rl.cluster import ClusterSettings, connect, run_on_cluster
 from tstar_rl.collection import Collection, with_starts
-from tstar_rl.ray_collection import RayCollection
+from tstar_rl.ray_collection import RayCollection, Worker
 from tstar_rl.skill import NetworkSettings, Skill
 from tstar_rl.starts import make_starts
 from tstar_rl.state_sets import TerminationSet
@@ -129,6 +129,21 @@ def test_starts_are_those_of_the_set_as_it_is(collect):
     assert rollout["step_count"][:, -1].max() < 6
     distance = torch.cdist(began[:, 29:64].double(), known[:, 29:64].double()).amin(1)
     assert float(distance.max()) < 1e-3, "an episode began elsewhere than in the set"
+
+
+@pytest.mark.slow
+def test_failures_of_all_workers_are_counted_together(collect):
+    import ray
+
+    collection = collect(new_skill())
+    assert collection.counts() == {}
+    for number, worker in enumerate(collection.collector.remote_collectors, 1):
+        ray.get(worker.__ray_call__.remote(partial(lose, number)))
+    assert collection.counts() == {"failures": 3}
+
+
+def lose(number: int, worker: Worker) -> None:
+    worker.env.base_env.world.failures += number
 
 
 @pytest.mark.slow
