@@ -17,16 +17,17 @@ Step = tuple[str, ...]
 """A recipe and its values."""
 
 
-def run_recipe(step: Step, shared: Sequence[str] = (), line: int = 0) -> None:
+def run_recipe(step: Step, shared: Sequence[str] = (), line: int = 0, seconds: float | None = None) -> None:
     """Runs one recipe, with the values `shared` before its own; its progress bar takes the screen's line `line`.
 
     Raises:
         SystemExit: if it fails, with its command.
+        TimeoutExpired: if it was not done in `seconds`; it is killed then.
     """
     name, *values = step
     environ = {**os.environ, "TQDM_POSITION": str(line), "TQDM_MININTERVAL": "1", "OMP_NUM_THREADS": "1"}
     command = [sys.executable, str(RECIPES / f"{name}.py"), *shared, *values]
-    if subprocess.run(command, env=environ, check=False).returncode:
+    if subprocess.run(command, env=environ, check=False, timeout=seconds).returncode:
         raise SystemExit(f"this step failed: {' '.join(command)}")
 
 

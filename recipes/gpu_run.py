@@ -1,0 +1,92 @@
+"""T-STAR on a GPU, from nothing to its evaluation, in slices: first what learns fastest, then the paper's budget.
+
+    while python recipes/gpu_run.py; [ $? = 75 ]; do :; done
+
+One call works for `minutes` and then stops what it is at; the next call leaves out what is done and goes on from the
+last checkpoint. It ends with 75 while there is more to do, with 0 once there is not. Tables land where the scales say
+(results/gpu, results/paper_gpu), with the minutes of each step in gpu_run.csv beside them. Other values that are
+given are passed on to every step: `scales=[quick] device=cpu` is a look without a GPU.
+"""
+
+import subprocess
+import time
+from pathlib import Path
+
+import pandas as pd
+from hydra import compose
+from hydra.core.hydra_config import HydraConfig
+from omegaconf import DictConfig
+
+from tstar_rl.configuration import recipe
+from tstar_rl.csv_tables import append_rows
+from tstar_rl.logging import run_path
+from tstar_rl.side_by_side import Step, run_recipe
+
+OWN = ("minutes", "scales", "scale", "video")  # values that only this recipe knows
+MORE = 75  # EX_TEMPFAIL: call again
+
+
+@recipe("gpu_run", minutes=float, scales=tuple[str, ...], video=bool)
+def main(config: DictConfig) -> None:
+    """Takes the steps that are missing, one after another, until the time is over."""
+    end = time.monotonic() + 60 * config.minutes
+    given = [value for value in HydraConfig.get().overrides.task if value.split("=")[0] not in OWN]
+    for scale in config.scales:
+        shared = [f"scale={scale}", *given]
+        place = compose("recipe/gail_ppo", shared)
+        for step in _steps(place, config.video):
+            if not _done(place, step) and not _take(step, shared, end, place):
+                raise SystemExit(MORE)
+        table = pd.read_csv(
+            run_path(place.results_dir, place.task.name, "tstar", place.seed) / "evaluation.csv"
+        )
+        print(f"scale={scale}", table.round(3).to_string(index=False), sep="\n")
+
+
+def _steps(place: DictConfig, video: bool) -> list[Step]:
+    """All steps of one scale, in order."""
+    film, subtasks = f"video={str(video).lower()}", range(place.task.subtasks)
+    skills: list[Step] = [("gail_ppo", f"subtask={index}") for index in subtasks]
+    tries: list[Step] = [("evaluate", "system=gail_ppo", film, f"subtask={index}") for index in subtasks]
+    chains: list[Step] = [
+        ("tstar",),
+        ("evaluate", "system=tstar", film),
+        ("evaluate", "system=no_finetuning", film),
+    ]
+    return [("make_demonstrations", f"kinds=[{place.demonstrations.kind}]"), *skills, *tries, *chains]
+
+
+def _done(place: DictConfig, step: Step) -> bool:
+    """Whether a step has been taken; demonstrations that are there are left alone by the step itself."""
+    values = dict(value.split("=") for value in step[1:])
+    system, subtask = values.get("system", step[0]), values.get("subtask")
+    where = (place.task.name, system, place.seed, None if subtask is None else int(subtask))
+    trained = run_path(place.runs_dir, *where) / "finished.json"
+    if step[0] != "evaluate":
+        return trained.is_file()
+    table = run_path(place.results_dir, *where) / "evaluation.csv"
+    return table.is_file() and (not trained.is_file() or table.stat().st_mtime >= trained.stat().st_mtime)
+
+
+def _take(step: Step, shared: list[str], end: float, place: DictConfig) -> bool:
+    """Takes a step, or as much of it as there is time for; returns whether that was all of it."""
+    began, left = time.monotonic(), end - time.monotonic()
+    if left <= 0:
+        return False
+    try:
+        run_recipe(step, shared, seconds=left)
+    except subprocess.TimeoutExpired:
+        return False
+    finally:
+        _note(Path(place.results_dir) / "gpu_run.csv", " ".join(step), (time.monotonic() - began) / 60)
+    return True
+
+
+def _note(file: Path, step: str, minutes: float) -> None:
+    """Adds to the minutes that a step has taken, over all slices."""
+    before = pd.read_csv(file).set_index("step")["minutes"].get(step, 0.0) if file.is_file() else 0.0
+    append_rows(file, [{"step": step, "minutes": round(before + minutes, 2)}], ("step",))
+
+
+if __name__ == "__main__":
+    main()
