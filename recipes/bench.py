@@ -5,7 +5,7 @@
 `bare` is `mujoco.batch` stepping what the environment stepped: the same controls from the same states, resets not
 timed. `env` is the environment on those random actions, resets and all; `train` is the loop of `gail_ppo.py`
 after its warm start. `ratio_to_bare` is against the bare simulator under the same policy: `bare` (random actions)
-for `env` and `torchrl_*`, `bare_policy` for `env_policy` and `train`.
+for `env` and `torchrl_*`, `bare_policy` for `env_policy` and `train`. Where there is a GPU, see `bench_device.py` too.
 """
 
 import os
@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from statistics import median
+from typing import Any
 
 os.environ.setdefault(
     "OMP_WAIT_POLICY", "passive"
@@ -22,7 +23,9 @@ os.environ.setdefault(
 
 import pandas as pd
 import torch
+from bench_device import device_rows
 from bench_wrapped import wrapped_rate
+from hydra import compose
 from omegaconf import DictConfig
 from tensordict import TensorDictBase
 from torchrl.envs import Compose
@@ -55,6 +58,7 @@ class BenchSection:
     updates: int
     workers: tuple[int, ...]
     worker_steps: int
+    device_sizes: tuple[int, ...]
 
 
 class Replay:
@@ -120,7 +124,7 @@ def warm_started(config: DictConfig, seed: int) -> tuple[Skill, Demonstrations]:
     def make(s: int):
         return environment(config, config.subtask, 64, s, snapshots=True)
 
-    expert = collect(make, 64, "noisy", config.demonstrations.noise, seed)
+    expert = collect(make, 64, "noisy", config.demonstrations.noise, seed).to(config.device)
     skill = new_skill(config, config.subtask)
     skill.normalizer.fit(expert.observations, config.normalizer.floor)
     cloning = settings(BehaviourCloningSettings, config.bc)
@@ -191,11 +195,31 @@ def main(config: DictConfig) -> None:
         name = f"torchrl_parallel_{workers}" if workers > 1 else "torchrl_one"
         note(**{name: wrapped_rate(config.task.name, workers, bench.worker_steps)})
     rounds.close()
-    write(rates, Path(config.results_dir) / "bench.csv")
+    write(rates, on_a_gpu(config), Path(config.results_dir) / "bench.csv")
 
 
-def write(rates: dict[str, list[float]], path: Path) -> None:
-    """Writes the medians, each with its ratio to the bare simulator under the same policy."""
+def on_a_gpu(config: DictConfig) -> list[dict[str, Any]]:
+    """The rows of a GPU, where there is one."""
+    if not torch.cuda.is_available():
+        print(
+            "No CUDA device here: the rows gpu_* (steps/s against N, training, time split, memory) are left out."
+        )
+        return []
+
+    own, seed = (
+        compose("recipe/bench", ["scale=gpu", f"task={config.task.name}"]),
+        derive_seed(config.seed, "train"),
+    )
+    skill, expert = warm_started(own, seed)
+
+    def prepare(sized: DictConfig, env) -> Training:
+        return Training(sized, skill, expert, env, seed)
+
+    return device_rows(own, prepare)
+
+
+def write(rates: dict[str, list[float]], more: list[dict[str, Any]], path: Path) -> None:
+    """Writes the medians, each with its ratio to the bare simulator under the same policy, and more rows."""
     middle = {name: median(values) for name, values in rates.items()}
     against = {
         name: "bare_policy" if name.endswith("policy") or name == "train" else "bare" for name in middle
@@ -208,6 +232,7 @@ def write(rates: dict[str, list[float]], path: Path) -> None:
             "ratio_to_bare": [round(rate / middle[against[name]], 3) for name, rate in middle.items()],
         }
     )
+    table = pd.concat([table, pd.DataFrame(more, columns=table.columns)]) if more else table
     path.parent.mkdir(parents=True, exist_ok=True)
     table.to_csv(path, index=False)
     print(table.to_string(index=False))

@@ -22,7 +22,7 @@ LAYERS = (
     ("gymnasium_env", "gymnasium_vector_env"),
 )
 SIMULATORS = {"mujoco", "mujoco_warp", "warp", "dm_control", "dm_env"}
-MEASURES_THE_SIMULATOR = {"bench.py", "bench_wrapped.py"}
+MEASURES_THE_SIMULATOR = {"bench.py", "bench_device.py", "bench_wrapped.py"}
 
 
 def imports(path: Path) -> set[str]:
