@@ -129,9 +129,9 @@ def test_a_failed_simulation_ends_alone(device, value):
 
 
 def test_too_little_room_is_an_error(device, monkeypatch):
-    monkeypatch.setattr(warp, "room", lambda model: warp_scene.Room(contacts=64, rows=32))
+    monkeypatch.setattr(warp, "room", lambda model: warp_scene.Room(contacts=64, rows=32, convex=8))
     with pytest.raises(
-        RuntimeError, match="needs more room than 64 contacts and 32 constraint rows.*warp_scene"
+        RuntimeError, match="needs more room than 64 contacts, 32 constraint rows.*warp_scene"
     ):
         warp_worlds.make(device=device)
 

@@ -46,7 +46,11 @@ class WarpPhysics:
         with self._warp.ScopedDevice(self._place):
             self._model = self._mujoco_warp.put_model(scene, batch_sizes={"eq_data": num_sims})
             self._data = self._mujoco_warp.make_data(
-                scene, nworld=num_sims, nconmax=self.room.contacts, njmax=self.room.rows
+                scene,
+                nworld=num_sims,
+                nconmax=self.room.contacts,
+                njmax=self.room.rows,
+                nccdmax=self.room.convex,
             )
             self._warp.synchronize_device()
         self._model.opt.warn_overflow = 0  # an error of our own says it
@@ -193,9 +197,9 @@ class WarpPhysics:
         full = (self._overflow & int(lost)) != 0
         if bool(full.any()):
             raise RuntimeError(
-                f"simulation {int(full.nonzero()[0])} needs more room than {self.room.contacts} contacts and "
-                f"{self.room.rows} constraint rows; `room` in tstar_envs/physics/warp_scene.py estimates them "
-                "from the scene: raise it for this furniture"
+                f"simulation {int(full.nonzero()[0])} needs more room than {self.room.contacts} contacts, "
+                f"{self.room.rows} constraint rows and {self.room.convex} convex pairs; `room` in "
+                "tstar_envs/physics/warp_scene.py estimates them from the scene: raise it for this furniture"
             )
 
 

@@ -25,6 +25,8 @@ class Room(NamedTuple):
 
     contacts: int
     rows: int
+    convex: int
+    """Pairs that go to the convex collider, which takes some kilobytes for each."""
 
 
 def warp_model(model: mujoco.MjModel) -> mujoco.MjModel:
@@ -42,11 +44,16 @@ def warp_model(model: mujoco.MjModel) -> mujoco.MjModel:
 def room(model: mujoco.MjModel) -> Room:
     """How many contacts and constraint rows a simulation of `model` is given.
 
-    Every box lies on the floor, and as many pairs of boxes touch in full as there are welds and fingers' pads: twice
-    each, since the parts of a weld and a part between the pads touch more than one box.
+    Every box lies on the floor, and as many pairs of boxes touch in full as there are welds and fingers' pads. That is
+    about three times what the scripted assembler needs. Every row costs a GPU threads in every kernel of the solver.
     """
-    boxes = int((model.geom_type == mujoco.mjtGeom.mjGEOM_BOX).sum())
+    kind, geom = model.geom_type, mujoco.mjtGeom
+    boxes = int((kind == geom.mjGEOM_BOX).sum())
     pads = int((model.geom_condim == ROWS_PER_CONTACT).sum())
-    contacts = ON_FLOOR * boxes + 2 * BOX_TO_BOX * (model.neq + pads)
+    contacts = ON_FLOOR * boxes + BOX_TO_BOX * (model.neq + pads)
     limits = int(np.asarray(model.jnt_limited, dtype=bool).sum())
-    return Room(contacts, ROWS_PER_CONTACT * contacts + ROWS_PER_WELD * model.neq + limits)
+    collide = (model.geom_contype[:, None] & model.geom_conaffinity) != 0
+    round_to_box = (kind == geom.mjGEOM_CYLINDER)[:, None] & (kind == geom.mjGEOM_BOX)
+    convex = int((round_to_box & (collide | collide.T)).sum())
+    rows = ROWS_PER_CONTACT * contacts + ROWS_PER_WELD * model.neq + limits
+    return Room(contacts, rows, 2 * convex)  # a pair counts twice where it makes several contacts
