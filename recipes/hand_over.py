@@ -42,20 +42,21 @@ def _skills(config: DictConfig, system: str) -> list[Skill]:
     if system == "no_finetuning":
         return load_skills(config, config.checkpoint)
     run = run_path(config.runs_dir, config.task.name, system, config.seed)
-    return load_chain(run / config.checkpoint, task=config.task.name)
+    chain = load_chain(run / config.checkpoint, task=config.task.name)
+    return [skill.to(config.device) for skill in chain]
 
 
 def _follow(config: DictConfig, system: str, skills: Sequence[Skill]) -> list[dict[str, Any]]:
     """A row for each skill; what it was handed is empty where none before has succeeded."""
     rows = []
-    before = TerminationSet(config.evaluation.episodes)
+    before = TerminationSet(config.evaluation.episodes, config.device)
     for index, skill in enumerate(skills):
         row: dict[str, Any] = {"system": system, "seed": config.seed, "checkpoint": config.checkpoint}
         row |= {"subtask": index, "episodes": config.evaluation.episodes}
         own, last = _try(config, index, skill, None)
         row |= _share("own_starts", own, config.evaluation.episodes)
         row |= dict.fromkeys(("handed_over", "handed_over_low", "handed_over_high"), math.nan)
-        reached = TerminationSet(config.evaluation.episodes)
+        reached = TerminationSet(config.evaluation.episodes, config.device)
         if index and len(before):
             handed, last = _try(config, index, skill, before)
             row |= _share("handed_over", handed, config.evaluation.episodes)
