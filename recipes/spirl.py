@@ -34,7 +34,9 @@ def main(config: DictConfig) -> None:
     """Skills and their prior from demonstrations, then a policy over skills by prior-regularised actor-critic."""
     spirl, total = config.spirl, config.spirl.total_steps
     if config.collection.backend != "local" or config.device != "cpu":
-        raise ValueError("spirl.py runs with collection.backend=local and device=cpu: its decoder acts inside the env")
+        raise ValueError(
+            "spirl.py runs with collection.backend=local and device=cpu: its decoder acts inside the env"
+        )
     run = Run(plain(config), config.subtask, total)
     # Nothing depends on the total, so a run may be resumed with a larger one.
     run.record["spirl"] = {name: value for name, value in plain(spirl).items() if name != "total_steps"}
