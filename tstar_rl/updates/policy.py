@@ -150,7 +150,8 @@ class PolicyUpdate:
         batch = rollout.select("observation", "action", "action_log_prob", *(("next", key) for key in keys))
         if self.settings.normalize_returns:
             carried = self.carried.expand(rollout.shape[0], 1)
-            reward, self.carried = self.return_scale(batch["next", "reward"], batch["next", "done"], carried)
+            paid, done = batch["next", "reward"], batch["next", "done"]
+            reward, self.carried = self.return_scale(paid, done, carried, self.settings.gamma)
             following = batch["next"].copy()  # pyright: ignore[reportAttributeAccessIssue]
             batch = batch.copy().set("next", following.set("reward", reward))
         return self.gae(self._with_values(batch)).select(*PPO_KEYS).reshape(-1)

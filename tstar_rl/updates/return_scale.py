@@ -5,29 +5,24 @@ from torch import Tensor, nn
 
 
 class ReturnScale(nn.Module):
-    """The running deviation of discounted returns, by which rewards are divided.
-
-    Args:
-        gamma: discount.
-    """
+    """The running deviation of discounted returns, by which rewards are divided."""
 
     count: Tensor
     mean: Tensor
     var: Tensor
 
-    def __init__(self, gamma: float = 0.99) -> None:
+    def __init__(self) -> None:
         super().__init__()
-        self.gamma = gamma
         self.register_buffer("count", torch.zeros((), dtype=torch.float64))
         self.register_buffer("mean", torch.zeros((), dtype=torch.float64))
         self.register_buffer("var", torch.ones((), dtype=torch.float64))
 
     @torch.no_grad()
-    def forward(self, reward: Tensor, done: Tensor, carried: Tensor) -> tuple[Tensor, Tensor]:
+    def forward(self, reward: Tensor, done: Tensor, carried: Tensor, gamma: float) -> tuple[Tensor, Tensor]:
         """reward, done: (N, T, 1), carried: (N, 1) returns so far -> scaled reward (N, T, 1), carried (N, 1)."""
         returns = []
         for t in range(reward.shape[1]):
-            carried = carried * self.gamma + reward[:, t]
+            carried = carried * gamma + reward[:, t]
             returns.append(carried)
             carried = carried * ~done[:, t]
         self._update(torch.stack(returns, 1).double())
