@@ -10,6 +10,7 @@ import torch
 from tensordict import TensorDict
 from torchrl.envs import Compose
 
+from tstar_rl import FurnitureEnv
 from tstar_rl.collection import Collection, with_starts
 from tstar_rl.skill import NetworkSettings, Skill
 from tstar_rl.transforms import GAILReward, RewardMixture, TerminalStateReward
@@ -101,3 +102,24 @@ def test_a_compiled_update_does_what_an_eager_one_does(make_env):
         states.append(skill.network_state())
     assert logs[0] == pytest.approx(logs[1], rel=1e-3, abs=1e-6)
     torch.testing.assert_close(states[0], states[1], rtol=1e-4, atol=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("device", ["cpu", pytest.param("cuda", marks=pytest.mark.gpu)])
+def test_training_on_the_simulator_of_the_gpu(device):
+    """Warp has a CPU device: there this runs everywhere, and on a GPU where there is one."""
+    pytest.importorskip("mujoco_warp", reason="mujoco_warp is not installed: pip install -e '.[gpu]'")
+    skill = Skill("table_lack", 0, NetworkSettings(hidden=(16,), std="fixed")).to(device)
+    env = FurnitureEnv("table_lack", 2, 0, seed=0, device=device, physics="warp", snapshots=True, max_steps=2)
+    collection = Collection(with_starts(env), skill.policy, 3)
+    rollout = collection.rollout()
+    skill.initiation_set.extend(rollout[:, -1].select("observation"))
+    skill.termination_set.extend(rollout["next"][:, -1].select("observation", "snapshot"))
+    collection.settle()
+    make_f_phi_update(skill.f_phi, DiscriminatorSettings(minibatch=4, steps=1))(*[rollout["observation"]] * 2)
+    rollout = Compose(GAILReward(skill.f_phi), RewardMixture())(rollout)
+    log = PolicyUpdate(skill.policy, skill.value, PPOSettings(minibatch=4), skill.return_scale)(rollout)
+    assert log["critic_steps"] == 20 and rollout["next", "done"][:, 1].all()
+    for rows in (rollout, skill.initiation_set.all(), skill.termination_set.all()):
+        assert all(value.device.type == device for value in rows.values(True, True))
+    assert collection.rollout()["observation"].isfinite().all()
