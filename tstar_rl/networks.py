@@ -45,7 +45,7 @@ def _mlp(
 
 
 def _encoder(state_input: StateInput) -> TensorDictModule:
-    """ "observation" -> "encoded"."""
+    """Map from "observation" to "encoded"."""
     return TensorDictModule(state_input, in_keys=["observation"], out_keys=["encoded"])
 
 
