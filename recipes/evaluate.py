@@ -18,7 +18,7 @@ from tstar_rl.chain import ChainPolicy, chain_folders
 from tstar_rl.collection import derive_seed
 from tstar_rl.configuration import chain_length, environment, recipe
 from tstar_rl.csv_tables import append_rows
-from tstar_rl.evaluation import MODES, Recorder, check_modes, evaluate
+from tstar_rl.evaluation import MODES, Recorder, check_modes, evaluate, same_policy
 from tstar_rl.logging import run_path
 from tstar_rl.skill_agent import load_skill
 
@@ -28,7 +28,7 @@ def main(config: DictConfig) -> None:
     """Evaluates, prints the table and adds it to evaluation.csv."""
     check_modes(config.modes)
     results, checkpoints = _places(config)
-    rows, film = [], config.video
+    rows, policies, film = [], {}, config.video
     for name, folders in checkpoints.items():
         skills = [load_skill(folder, task=config.task.name) for folder in folders]
         chain = len(skills) > 1
@@ -36,6 +36,11 @@ def main(config: DictConfig) -> None:
         policy = (ChainPolicy(skills) if chain else skills[0].policy).to(config.device)
         number = config.evaluation.episodes if subtask is not None else config.evaluation.whole_episodes
         spent = _spent(config, folders, chain)
+        same = next((other for other, known in policies.items() if same_policy(policy, known)), None)
+        if same is not None:  # the last is often the best: the same episodes would give the same numbers
+            rows += [{**row, "checkpoint": name, **spent} for row in rows if row["checkpoint"] == same]
+            continue
+        policies[name] = policy
         for mode in config.modes:
             seed = derive_seed(config.seed, "evaluate", list(MODES).index(mode), subtask)
             torch.manual_seed(seed)

@@ -1,5 +1,6 @@
 """Tables that runs leave behind, and the numbers in them."""
 
+import copy
 import math
 
 import pandas as pd
@@ -11,8 +12,9 @@ from tstar_rl import logging
 from tstar_rl.chain import terminal_poses
 from tstar_rl.collection import derive_seed, run_episodes, with_starts
 from tstar_rl.csv_tables import MetricsLog, append_rows
-from tstar_rl.evaluation import check_modes, evaluate, summarize, wilson_interval
+from tstar_rl.evaluation import check_modes, evaluate, same_policy, summarize, wilson_interval
 from tstar_rl.logging import Run
+from tstar_rl.networks import make_policy, set_action_std
 from tstar_rl.plotting import evaluation_table, learning_curves, read_evaluations, read_metrics
 
 
@@ -166,6 +168,18 @@ def test_run_episodes_gives_the_last_step_of_each_first_episode(make_env, policy
     first_done = torch.stack(seen).squeeze(-1).int().argmax(0) + 1
     assert torch.equal(last["next", "step_count"].squeeze(-1), first_done)
     assert (last["start_observation"][:, 0] <= 0.2).all()
+
+
+def test_policies_are_the_same_with_equal_weights_and_deviations_only():
+    first = make_policy(4, 2, hidden=(8,), std="fixed")
+    second = copy.deepcopy(first)
+    assert same_policy(first, second)
+    set_action_std(second, 0.2)
+    assert not same_policy(first, second)
+    other = copy.deepcopy(first)
+    with torch.no_grad():
+        next(other.parameters()).add_(1e-6)
+    assert not same_policy(first, other)
 
 
 def test_evaluate_refuses_another_mode(make_env, policy):

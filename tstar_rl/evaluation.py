@@ -7,12 +7,12 @@ from typing import Any
 
 import torch
 from tensordict import TensorDictBase
-from torch import Tensor
+from torch import Tensor, nn
 from torchrl.envs import ExplorationType, TransformedEnv, set_exploration_type
 
 from tstar_rl.collection import run_episodes
 
-__all__ = ["MODES", "Recorder", "check_modes", "evaluate", "summarize", "wilson_interval"]
+__all__ = ["MODES", "Recorder", "check_modes", "evaluate", "same_policy", "summarize", "wilson_interval"]
 
 MODES = {
     "deterministic": ExplorationType.DETERMINISTIC,
@@ -93,6 +93,12 @@ def evaluate(
         last = run_episodes(env, policy, each_step)
     base = env.base_env
     return summarize(last, base.num_subtasks, getattr(base, "subtask", None), links)
+
+
+def same_policy(first: nn.Module, second: nn.Module) -> bool:
+    """Whether two policies have the same parameters and buffers, bit for bit."""
+    these, those = first.state_dict(), second.state_dict()
+    return these.keys() == those.keys() and all(torch.equal(these[name], those[name]) for name in these)
 
 
 class Recorder:
