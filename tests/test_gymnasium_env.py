@@ -149,12 +149,29 @@ def test_pictures():
         ({"velocity_scal": 0.4}, "task setting 'velocity_scal'.*did you mean 'velocity_scale'"),
         ({"max_episode_steps": 9}, "'max_episode_steps'.*did you mean 'max_steps'"),
         ({"render_mode": "ansi"}, "render_mode must be one of None, 'rgb_array'; got 'ansi'"),
+        ({"reward_scale": float("nan")}, "reward_scale must be a finite number, got nan"),
+        ({"reward_scale": "0.05"}, "reward_scale must be a finite number, got '0.05'"),
+        ({"width": -3}, "width must be a whole number from 1, got -3"),
+        ({"height": 60.0}, "height must be a whole number from 1, got 60.0"),
+        ({"nthread": -1}, "nthread .* must be a whole number from 0, got -1"),
         ({"autoreset_mode": "Later"}, "'Later' is not a valid AutoresetMode"),
     ],
 )
 def test_mistakes_when_making_are_told(arguments, message):
     with pytest.raises(ValueError, match=message):
         gymnasium.make_vec(ID, 2, **arguments)
+
+
+@pytest.mark.parametrize("arguments", [{"reward_scale": float("inf")}, {"width": 0}, {"height": -3}])
+def test_the_single_environment_tells_them_too(arguments):
+    with pytest.raises(ValueError, match=f"{next(iter(arguments))} must be"):
+        gymnasium.make(ID, **arguments)
+
+
+@pytest.mark.parametrize("number", [0, 2.0])
+def test_so_many_simulations_cannot_be(number):
+    with pytest.raises(ValueError, match=f"must be a whole number from 1, got {number}"):
+        gymnasium.make_vec(ID, number)
 
 
 def test_mistakes_when_resetting_are_told(snapshot):

@@ -10,7 +10,7 @@ WORLD, LEARNING, RECIPES = ROOT / "envs" / "tstar_envs", ROOT / "tstar_rl", ROOT
 
 # Inside the world a module imports from its own layer or from one above it in this list.
 LAYERS = (
-    ("geometry", "furniture", "settings"),
+    ("checks", "geometry", "furniture", "settings"),
     ("robots",),
     ("scene", "rendering"),
     ("physics",),

@@ -28,7 +28,11 @@ def env():
     [
         ({"task": "table_lak"}, "no furniture is called 'table_lak': did you mean 'table_lack'"),
         ({"subtask": 4}, r"subtask of table_lack must be None \(the whole task\) or in 0..3, got 4"),
-        ({"num_envs": 0}, "number of simulations must be at least 1, got 0"),
+        ({"num_envs": 0}, "number of simulations must be a whole number from 1, got 0"),
+        ({"num_envs": 2.0}, "number of simulations must be a whole number from 1, got 2.0"),
+        ({"num_envs": True}, "number of simulations must be a whole number from 1, got True"),
+        ({"nthread": -1}, r"nthread \(0: all cores\) must be a whole number from 0, got -1"),
+        ({"skipped_phases": "half"}, "skipped_phases must be one of paid, unpaid; got 'half'"),
         ({"device": "mps"}, "device 'cpu' or 'cuda', got 'mps'"),
         ({"device": "cuda", "physics": "mujoco"}, "physics 'mujoco' runs on device 'cpu'"),
         ({"physics": "isaac"}, "physics must be one of mujoco, warp or None, got 'isaac'"),
@@ -47,6 +51,12 @@ def test_an_action_of_another_shape(env):
     tensordict = env.reset()
     with pytest.raises(ValueError, match=r"shape \(2, 9\).*gripper, connect.*got \(2, 8\)"):
         env.step(tensordict.set("action", torch.zeros(2, 8)))
+
+
+@pytest.mark.parametrize("noise", [-1, float("nan"), float("inf")])
+def test_noise_of_the_expert_that_cannot_be(env, noise):
+    with pytest.raises(ValueError, match=f"noise of the expert must be a finite number from 0, got {noise}"):
+        env.expert(noise)
 
 
 def test_an_action_with_nan_names_the_simulation(env):

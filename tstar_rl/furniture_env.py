@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +20,7 @@ from tstar_envs.furniture import library
 from tstar_envs.settings import TaskSettings
 from tstar_envs.tasks.actions import NUM_ACTIONS
 from tstar_envs.tasks.phase_reward import PHASES
+from tstar_rl.specs import spec_of
 
 _DONE_KEYS = ("done", "terminated", "truncated")
 
@@ -27,6 +30,11 @@ def check_task(name: str, subtasks: int, settings: Mapping[str, Any]) -> None:
     TaskSettings.from_mapping(settings)
     if (steps := len(library.load(name).steps)) != subtasks:
         raise ValueError(f"task.subtasks of {name} must be {steps}, the steps of its recipe, got {subtasks}")
+
+
+def default_settings() -> dict[str, Any]:
+    """The settings of a task by name, where nothing is said about them."""
+    return asdict(TaskSettings())
 
 
 class FurnitureEnv(EnvBase):
@@ -148,7 +156,12 @@ class FurnitureEnv(EnvBase):
 
         Writes `action` and the clean label `expert_action`. With `noise`, Gaussian noise of that standard deviation
         is added to the seven arm components of `action`.
+
+        Raises:
+            ValueError: the noise is negative or not finite.
         """
+        if not (math.isfinite(noise) and noise >= 0):
+            raise ValueError(f"noise of the expert must be a finite number from 0, got {noise!r}")
         assembler = self.world.expert()
         self.world.physics.forward()
 
@@ -185,7 +198,7 @@ class FurnitureEnv(EnvBase):
             "success": Binary(1, one, dtype=torch.bool),
         }
         if self.snapshots:
-            observation["snapshot"] = _spec_of(self.snapshot())
+            observation["snapshot"] = spec_of(self.snapshot())
         self.observation_spec = Composite(observation, shape=shape).to(self.device)
         action = Bounded(-1.0, 1.0, torch.Size([*shape, NUM_ACTIONS]), dtype=torch.float32)
         self.action_spec = action.to(self.device)
@@ -228,17 +241,3 @@ class FurnitureEnv(EnvBase):
 
     def _set_seed(self, seed: int | None) -> None:
         self.world.seed(seed)
-
-
-def _spec_of(tensordict: TensorDictBase) -> Composite:
-    leaves = {
-        name: _spec_of(value) if isinstance(value, TensorDictBase) else _leaf_spec(value)
-        for name, value in tensordict.items()
-    }
-    return Composite(leaves, shape=tensordict.batch_size)
-
-
-def _leaf_spec(value: Tensor) -> Any:
-    if value.dtype == torch.bool:
-        return Binary(value.shape[-1], value.shape, dtype=torch.bool)
-    return Unbounded(value.shape, dtype=value.dtype)

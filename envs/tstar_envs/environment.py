@@ -10,6 +10,7 @@ import torch
 from tensordict import TensorDict
 from torch import Tensor
 
+from tstar_envs.checks import whole_number
 from tstar_envs.experts.assembler import Assembler
 from tstar_envs.furniture import library
 from tstar_envs.physics.simulators import make_physics
@@ -47,14 +48,14 @@ class BatchedEnvironment:
         physics: str | None = None,
     ):  # fmt: skip
         self.name, self.furniture = name, library.load(name)
-        whole_number = isinstance(subtask, int) and not isinstance(subtask, bool)
-        if subtask is not None and not (whole_number and 0 <= subtask < len(self.furniture.steps)):
+        numbered = isinstance(subtask, int) and not isinstance(subtask, bool)
+        if subtask is not None and not (numbered and 0 <= subtask < len(self.furniture.steps)):
             raise ValueError(
                 f"subtask of {name} must be None (the whole task) or in 0..{len(self.furniture.steps) - 1}, "
                 f"got {subtask!r}"
             )
-        if num_sims < 1:
-            raise ValueError(f"the number of simulations must be at least 1, got {num_sims}")
+        num_sims = whole_number("the number of simulations", num_sims, 1)
+        nthread = whole_number("nthread (0: all cores)", nthread, 0)
         self.settings = (
             settings if isinstance(settings, TaskSettings) else TaskSettings.from_mapping(settings or {})
         )

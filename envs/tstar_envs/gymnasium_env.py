@@ -16,6 +16,7 @@ import gymnasium
 import numpy as np
 from tensordict import TensorDict
 
+from tstar_envs.checks import finite_number
 from tstar_envs.environment import BatchedEnvironment
 from tstar_envs.furniture import library
 from tstar_envs.gymnasium_shared import INFO, METADATA, Camera, begin, read_actions, read_options, spaces
@@ -59,7 +60,7 @@ class GymnasiumEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         **settings: fields of `tstar_envs.settings.TaskSettings`.
 
     Raises:
-        ValueError: unknown furniture, subtask, setting or render mode.
+        ValueError: unknown furniture, subtask, setting or render mode; a reward scale or a size that cannot be.
     """
 
     metadata = METADATA
@@ -70,7 +71,7 @@ class GymnasiumEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     ):  # fmt: skip
         self.world = BatchedEnvironment(task, 1, subtask, nthread=1, settings=settings)
         self.observation_space, self.action_space = spaces(self.world)
-        self.reward_scale, self.render_mode = reward_scale, render_mode
+        self.reward_scale, self.render_mode = finite_number("reward_scale", reward_scale), render_mode
         self._camera = Camera(self.world, render_mode, width, height)
         self._playing = False
 

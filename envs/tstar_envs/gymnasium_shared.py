@@ -14,6 +14,7 @@ from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 
 from tstar_envs import rendering
+from tstar_envs.checks import whole_number
 from tstar_envs.environment import BatchedEnvironment
 from tstar_envs.tasks.actions import NUM_ACTIONS
 from tstar_envs.tasks.phase_reward import PHASES
@@ -30,7 +31,8 @@ class Camera:
         valid = (None, *METADATA["render_modes"])
         if mode not in valid:
             raise ValueError(f"render_mode must be one of {', '.join(map(repr, valid))}; got {mode!r}")
-        self.world, self.mode, self.width, self.height = world, mode, width, height
+        self.world, self.mode = world, mode
+        self.width, self.height = whole_number("width", width, 1), whole_number("height", height, 1)
         self._renderer: rendering.Renderer | None = None
 
     def draw(self) -> tuple[np.ndarray, ...] | None:

@@ -16,6 +16,7 @@ from gymnasium.vector.utils import batch_space
 from tensordict import TensorDict
 from torch import Tensor
 
+from tstar_envs.checks import finite_number
 from tstar_envs.environment import BatchedEnvironment
 from tstar_envs.gymnasium_shared import INFO, METADATA, Camera, begin, read_actions, read_options, spaces
 from tstar_envs.tasks.actions import NUM_ACTIONS
@@ -49,7 +50,7 @@ class GymnasiumVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         **settings: fields of `tstar_envs.settings.TaskSettings`.
 
     Raises:
-        ValueError: unknown furniture, subtask, setting, autoreset or render mode.
+        ValueError: unknown furniture, subtask, setting, autoreset or render mode; a number that cannot be.
     """
 
     metadata: dict[str, Any] = {**METADATA, "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
@@ -61,7 +62,8 @@ class GymnasiumVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     ):  # fmt: skip
         self.metadata = {**self.metadata, "autoreset_mode": AutoresetMode(autoreset_mode)}
         self.world = BatchedEnvironment(task, num_envs, subtask, nthread, settings=settings)
-        self.num_envs, self.reward_scale, self.render_mode = num_envs, reward_scale, render_mode
+        self.num_envs, self.render_mode = num_envs, render_mode
+        self.reward_scale = finite_number("reward_scale", reward_scale)
         self.single_observation_space, self.single_action_space = spaces(self.world)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)

@@ -35,6 +35,7 @@ def load(
         **settings: `tstar_envs.settings.TaskSettings` by name.
 
     Raises:
-        ValueError: unknown furniture, subtask, device, simulator or setting; the message lists the valid ones.
+        ValueError: unknown furniture, subtask, device, simulator or setting, or a number that cannot be; the message
+            says what is valid.
     """
     return BatchedEnvironment(name, num_sims, subtask, nthread, seed, settings, device, physics)
