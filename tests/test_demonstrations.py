@@ -60,6 +60,12 @@ def test_those_of_another_world_are_refused_unless_they_may_differ(demonstration
         load_demonstrations(config, 2)
     config.demonstrations.may_differ = ["snap"]
     assert len(load_demonstrations(config, 2)) == 2
+    config.env.skipped_phases = "paid"  # older than the setting: they were made with its default
+    assert len(load_demonstrations(config, 2)) == 2
+    config.env.skipped_phases = "unpaid"
+    with pytest.raises(DemonstrationError, match="skipped_phases was 'paid' when it was saved"):
+        load_demonstrations(config, 2)
+    config.demonstrations.may_differ = ["snap", "skipped_phases"]
     config.env.velocity_scale = 1.0
     with pytest.raises(DemonstrationError, match=r"velocity_scale was 0\.4"):
         load_demonstrations(config, 2)

@@ -190,11 +190,14 @@ def demonstrations_path(config: DictConfig, subtask: int | None, kind: str) -> P
 
 
 def load_demonstrations(config: DictConfig, subtask: int | None) -> Demonstrations:
-    """Those that the config's recipe learns from."""
+    """Those that the config's recipe learns from. A setting that their file does not name had its default."""
+    from tstar_rl.furniture_env import default_settings
+
     path = demonstrations_path(config, subtask, config.demonstrations.kind)
     found = Demonstrations.load(path, config.task.name, subtask)
     wanted = {k: v for k, v in plain(config.env).items() if k not in config.demonstrations.may_differ}
-    wrong = differences({name: found.arguments.get(name) for name in wanted}, wanted)
+    saved = default_settings() | found.arguments
+    wrong = differences({name: saved.get(name) for name in wanted}, wanted)
     if wrong:
         raise DemonstrationError(f"{path}: field arguments: {'; '.join(wrong)}; delete it to make it again")
     return found.to(config.device)

@@ -42,6 +42,9 @@ class TaskSettings:
     """Connecting moves the part to its ideal pose first: an easy mode, not the paper's."""
     reset_robot: bool = True
     """The arm goes back home, gripper open, after connecting."""
+    skipped_phases: str = "paid"
+    """Connecting before the last phase pays the bonuses of the phases left out (`paid`), or its own alone (`unpaid`, as
+    in the paper). Source: docs/decisions/0007-chair.md."""
     end_on_disturbance: bool = False
     """A target that moved by more than 0.1 m ends the episode as a failure."""
     max_steps: int = 200
@@ -52,6 +55,7 @@ class TaskSettings:
             _check_type(field.name, getattr(self, field.name), type(field.default))
         _check_choice("gripper", self.gripper, ("sign", "continuous"))
         _check_choice("preassembled", self.preassembled, ("ideal", "jitter"))
+        _check_choice("skipped_phases", self.skipped_phases, ("paid", "unpaid"))
         if not 0 < self.velocity_scale <= 1:
             raise ValueError(f"setting velocity_scale must be in (0, 1], got {self.velocity_scale}")
         for name in (

@@ -36,7 +36,7 @@ class Assembly(BatchedTask):
         self.furniture, self.physics, self.subtask, self.settings = furniture, physics, subtask, settings
         self.tables = RecipeTables(furniture, physics.device)
         self.starts = EpisodeStarts(self.tables, physics, settings, generator)
-        self.step_reward = StepReward(self.tables, physics.device)
+        self.step_reward = StepReward(self.tables, physics.device, settings)
         self.last_subtask = self.tables.num_steps - 1 if subtask is None else subtask
         self.step_limit = settings.max_steps * (self.tables.num_steps if subtask is None else 1)
         self._wrong = WrongPairs(furniture, physics.device)

@@ -10,6 +10,7 @@ from tensordict import TensorDict
 from torch import Tensor
 
 from tstar_envs.robots import sawyer
+from tstar_envs.settings import TaskSettings
 from tstar_envs.tasks import phase_reward
 from tstar_envs.tasks.actions import CONNECT, GRIPPER
 from tstar_envs.tasks.phase_reward import Scene
@@ -17,14 +18,19 @@ from tstar_envs.tasks.recipe_tables import RecipeTables
 
 
 class StepReward:
-    """The reward of a step, and the part of the episode state that it remembers from one step to the next."""
+    """The reward of a step, and the part of the episode state that it remembers from one step to the next.
 
-    def __init__(self, tables: RecipeTables, device: torch.device):
+    `settings.skipped_phases` says what joining two parts before the last phase pays (docs/decisions/0007-chair.md).
+    """
+
+    def __init__(self, tables: RecipeTables, device: torch.device, settings: TaskSettings):
         self.tables = tables
         self._bonuses = phase_reward.BONUS * torch.tensor(
             phase_reward.BONUS_SHARES, dtype=torch.float64, device=device
         )
-        self._remaining = self._bonuses.flip(0).cumsum(0).flip(0)  # of a phase and those after it
+        self._pays_skipped = settings.skipped_phases == "paid"
+        remaining = self._bonuses.flip(0).cumsum(0).flip(0)  # of a phase and those after it
+        self._joining = remaining if self._pays_skipped else self._bonuses[-1:].expand_as(self._bonuses)
 
     def potentials(self, scene: Scene, state: TensorDict) -> Tensor:
         """Potential of each phase, (N, 8)."""
@@ -34,8 +40,8 @@ class StepReward:
         """Reward (N,) of the step that led to `scene`; moves `phase`, `potential` and what was paid on in `state`.
 
         `action` is (N, 9), `connected` (N,) bool: two parts were joined in this step. Joining them ends the subtask
-        from any phase and pays what the phases left out would have: a policy that joins early must not earn less
-        than one that lifts, aligns and then fails.
+        from any phase. With skipped phases paid it pays what the phases left out would have, so that a policy that
+        joins early does not earn less than one that lifts, aligns and then fails; unpaid, the last bonus alone.
         """
         phase, grip = state["phase"], action[:, GRIPPER]
         potential = self.potentials(scene, state)
@@ -49,10 +55,12 @@ class StepReward:
             scene, state["start_tip"], state["lift_point"], self.tables.z_finedist, grip < 0, connected
         )
         done = met.gather(-1, phase.unsqueeze(-1)).squeeze(-1) | connected
-        paid = torch.where(connected, self._remaining[phase], self._bonuses[phase]) * done
+        paid = torch.where(connected, self._joining[phase], self._bonuses[phase]) * done
         rise = self.tables.waypoint[self.tables.step_index(state["subtask"]), 2]
         off_ground = phase_reward.off_ground(scene, state["lift_point"], rise)
-        raised = ~state["half_paid"] & torch.where(connected, phase <= 4, (phase == 4) & off_ground)
+        raised = ~state["half_paid"] & (phase == 4) & off_ground
+        if self._pays_skipped:
+            raised = raised | (~state["half_paid"] & connected & (phase <= 4))
         asking = 10.0 * (action[:, CONNECT] + 1) * ((phase == 7) & scene.alignment.aligned & ~connected)
         bonus = paid + 0.5 * self._bonuses[4] * raised + asking - state["asked"] * connected
 
