@@ -19,16 +19,16 @@ def make(
 
 
 def run(world: BatchedEnvironment, act) -> tuple[Tensor, Tensor]:
-    """One episode of every simulation: success (N,) and undiscounted return (N,)."""
-    running = torch.ones(world.num_sims, dtype=torch.bool)
-    success, returns = torch.zeros_like(running), torch.zeros(world.num_sims, dtype=torch.float64)
+    """One episode of every simulation: success (N,) and undiscounted return (N,), on the CPU."""
+    running = torch.ones(world.num_sims, dtype=torch.bool, device=world.physics.device)
+    success, returns = torch.zeros_like(running), torch.zeros_like(running, dtype=torch.float64)
     while running.any():
         world.step(act(world.state))
         returns += world.state["reward"] * running
         success |= world.state["success"] & running
         terminated, truncated = world.task.get_termination(world.state)
         running &= ~(terminated | truncated)
-    return success, returns
+    return success.cpu(), returns.cpu()
 
 
 def relative_poses(world: BatchedEnvironment, step: int) -> Tensor:
