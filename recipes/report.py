@@ -12,7 +12,7 @@ from omegaconf import DictConfig
 
 from tstar_rl.configuration import recipe
 from tstar_rl.plotting import read_evaluations, read_metrics, seed_curves
-from tstar_rl.report import curve_groups, replace_block, results_head, results_page
+from tstar_rl.report import curve_groups, other_roots, replace_block, results_head, results_page
 
 COLUMNS = {
     "skills": ("success_rate", "episode_length"),
@@ -33,9 +33,11 @@ def main(config: DictConfig) -> None:
     print(page, readme)
     if config.figures:
         draw(Path(config.results_dir), page.parent / "figures")
+        for folder in other_roots(config.results_dir):
+            draw(folder, page.parent / "figures", f"{folder.name}_")
 
 
-def draw(results: Path, figures: Path) -> None:
+def draw(results: Path, figures: Path, prefix: str = "") -> None:
     """Draws the curves of every task, and copies what other recipes drew of it."""
     metrics = read_metrics(results)
     if metrics.empty:
@@ -44,12 +46,12 @@ def draw(results: Path, figures: Path) -> None:
         for name, rows in curve_groups(metrics, task).items():
             where = rows["recipe"] + (" " + rows["subtask"].astype(str) if name == "skills" else "")
             line = "skill" if name == "chains" else None
-            path = figures / f"{task}_{name}.png"
+            path = figures / f"{prefix}{task}_{name}.png"
             print(seed_curves(rows.assign(panel=where), path, COLUMNS[name], "panel", line))
         for name in ("terminal_states", "hand_over"):
             drawn = results / task / f"{name}.png"
             if drawn.is_file():
-                print(shutil.copyfile(drawn, figures / f"{task}_{name}.png"))
+                print(shutil.copyfile(drawn, figures / f"{prefix}{task}_{name}.png"))
 
 
 if __name__ == "__main__":

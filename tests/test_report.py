@@ -5,7 +5,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from tstar_rl.report import curve_groups, replace_block, results_head, results_page
+from tstar_rl.report import curve_groups, other_roots, replace_block, results_head, results_page
 from tstar_rl.report_tables import comparison, over_seeds
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -64,6 +64,22 @@ def test_curves_are_sorted_into_skills_chains_and_single_policies():
         "single_policies": ["ppo"],
     }
     assert curve_groups(pd.DataFrame(rows).assign(task="table"), "chair") == {}
+
+
+def test_what_was_run_under_other_conditions_has_a_section_of_its_own(tmp_path):
+    row = evaluation(
+        "tstar", 3, 1.0, success_low=0.9, success_high=1.0, env_steps=5e5, minutes=1, episodes=200
+    )
+    for place, progress in (("table", 1.0), ("odd/table", 0.25)):
+        file = tmp_path / place / "tstar" / "seed3" / "evaluation.csv"
+        file.parent.mkdir(parents=True)
+        pd.DataFrame([{**row, "progress": progress}]).drop(columns=["task", "recipe", "subtask"]).to_csv(file)
+    (tmp_path / "odd" / "README.md").write_text("# Odd chains\n\nOf skills that are odd.\n")
+    assert other_roots(tmp_path) == [tmp_path / "odd"]
+    page = results_page(tmp_path, PAPER, NOTES)
+    main, odd = page.split("## Odd chains\n\nOf skills that are odd.\n")
+    assert "| T-STAR | - | - | 1.000 |" in main and "0.250" not in main
+    assert "| T-STAR | 0.250 | 100.0% | - | - | 0.50M | 1 |" in odd
 
 
 def test_the_block_is_replaced_and_nothing_else():

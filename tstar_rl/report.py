@@ -4,6 +4,7 @@ The same tables give the same text. Nothing is left out for being bad; what the 
 """
 
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import yaml
@@ -11,7 +12,7 @@ import yaml
 from tstar_rl import report_tables as tables
 from tstar_rl.plotting import read_evaluations, read_metrics
 
-__all__ = ["curve_groups", "replace_block", "results_head", "results_page"]
+__all__ = ["curve_groups", "other_roots", "replace_block", "results_head", "results_page"]
 
 BEGIN, END = "<!-- results: begin -->", "<!-- results: end -->"
 WRITTEN = (
@@ -42,11 +43,11 @@ def curve_groups(metrics: pd.DataFrame, task: str) -> dict[str, pd.DataFrame]:
     return {name: group for name, group in groups.items() if len(group)}
 
 
-def curves(metrics: pd.DataFrame, task: str) -> str:
+def curves(metrics: pd.DataFrame, task: str, prefix: str = "") -> str:
     """Links to the figures of `curve_groups`."""
     names = curve_groups(metrics, task)
     return "\n".join(
-        f"![{CAPTIONS[name]}](figures/{task}_{name}.png)\n\n{CAPTIONS[name]}\n" for name in names
+        f"![{CAPTIONS[name]}](figures/{prefix}{task}_{name}.png)\n\n{CAPTIONS[name]}\n" for name in names
     )
 
 
@@ -60,6 +61,24 @@ def _sections(title: str, parts: dict[str, str]) -> str:
     """A heading with a part for each task that has one; nothing if none has."""
     found = [f"### {task}\n\n{part}" for task, part in parts.items() if part]
     return "\n".join([f"## {title}\n", *found]) if found else ""
+
+
+def other_roots(root: str | Path) -> list[Path]:
+    """Folders below the results that hold results of their own, <folder>/<task>/<recipe>/seed<k>: other conditions."""
+    return sorted({file.parents[3] for file in Path(root).glob("*/*/*/seed*/evaluation.csv")})
+
+
+def _section_of(folder: Path, paper: dict[str, Any]) -> str:
+    """What was run under other conditions; the folder's README.md says which."""
+    evaluations, metrics = _evaluations(folder), read_metrics(folder)
+    said, parts = folder / "README.md", []
+    for task in tables.tasks({"tasks": []}, evaluations):
+        alone = tables.skills(evaluations, task)
+        drawn = curves(metrics, task, f"{folder.name}_")
+        each = [tables.means(evaluations, paper, task), tables.by_seed(evaluations, paper, folder, task)]
+        parts.append("\n".join([f"### {task}\n", *each, alone, drawn]))
+    intro = said.read_text() if said.is_file() else f"# {folder.name}\n"
+    return "\n".join([f"#{intro.strip()}\n", *parts])
 
 
 def results_page(root: str | Path, paper: str | Path, notes: str | Path) -> str:
@@ -87,6 +106,7 @@ def results_page(root: str | Path, paper: str | Path, notes: str | Path) -> str:
     ablated = tables.ablations(root)
     parts = ["# Results", WRITTEN, READING, first, Path(notes).read_text(), *rest]
     parts += [f"## Ablations\n\n{ablated}"] if ablated else []
+    parts += [_section_of(folder, theirs) for folder in other_roots(root)]
     return "\n\n".join(part.strip() for part in parts if part) + "\n"
 
 

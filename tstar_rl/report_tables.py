@@ -17,6 +17,7 @@ __all__ = [
     "comparison",
     "figure_4",
     "hand_over",
+    "means",
     "skills",
     "tasks",
     "whole_task",
@@ -93,6 +94,27 @@ def comparison(evaluations: pd.DataFrame, paper: Paper, task: str) -> str:
         rows.append([label, *row, str(seeds) if seeds else "not run"])
     header = ["system", "paper: progress", "success", "ours, last: progress", "success"]
     return markdown([*header, "ours, best: progress", "success", "seeds"], rows)
+
+
+def means(evaluations: pd.DataFrame, paper: Paper, task: str) -> str:
+    """Ours alone, over seeds."""
+    whole, rows = whole_task(evaluations, task), []
+    for system, label in labels(paper, whole["recipe"]).items():
+        runs = [pick(whole, system, checkpoint) for checkpoint in ("last", "best")]
+        if any(len(run) for run in runs):
+            cells = [(over_seeds(run.progress), over_seeds(run.success, percent=True)) for run in runs]
+            steps = f"{runs[0].env_steps.mean() / 1e6:.2f}M"
+            rows.append([label, *cells[0], *cells[1], steps, str(runs[0].seed.nunique())])
+    header = [
+        "system",
+        "last: progress",
+        "success",
+        "best: progress",
+        "success",
+        "environment steps",
+        "seeds",
+    ]
+    return markdown(header, rows)
 
 
 def budgets(evaluations: pd.DataFrame, paper: Paper, task: str) -> str:
