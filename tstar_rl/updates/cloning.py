@@ -7,6 +7,8 @@ from tensordict import TensorDict
 from torch import Tensor
 from torchrl.modules import ProbabilisticActor
 
+from tstar_rl.updates.ranges import check_ranges
+
 
 @dataclass(frozen=True)
 class BehaviourCloningSettings:
@@ -16,6 +18,9 @@ class BehaviourCloningSettings:
     minibatch: int = 256
     learning_rate: float = 1e-4
     cosine_decay: bool = False
+
+    def __post_init__(self) -> None:
+        check_ranges(self, count=("epochs", "minibatch"), positive=("learning_rate",))
 
 
 def behaviour_cloning(

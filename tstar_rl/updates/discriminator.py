@@ -10,6 +10,7 @@ from torchrl.objectives import LossModule
 
 from tstar_rl.networks import Discriminator
 from tstar_rl.objectives import GAILDiscriminatorLoss, InitiationSetLoss
+from tstar_rl.updates.ranges import check_ranges
 
 
 @dataclass(frozen=True)
@@ -21,6 +22,14 @@ class DiscriminatorSettings:
     steps: int = 100
     """Minibatches in one update, drawn at random: a subsample of a large rollout."""
     gradient_penalty: float = 10.0
+
+    def __post_init__(self) -> None:
+        check_ranges(
+            self,
+            count=("minibatch", "steps"),
+            positive=("learning_rate",),
+            not_negative=("gradient_penalty",),
+        )
 
 
 @dataclass

@@ -14,6 +14,7 @@ from torchrl.objectives import ClipPPOLoss
 from torchrl.objectives.value import GAE
 
 from tstar_rl.networks import split_encoder
+from tstar_rl.updates.ranges import check_ranges
 from tstar_rl.updates.return_scale import ReturnScale
 
 PPO_KEYS = ("encoded", "action", "action_log_prob", "advantage", "value_target")
@@ -29,6 +30,7 @@ class PPOSettings:
     critic_learning_rate: float | None = None
     """None: the actor's."""
     linear_decay: bool = True
+    """Rates fall with the progress after a rollout: of n updates the first has 1 - 1 / n of them, the last none."""
     clip_epsilon: float = 0.2
     entropy_coeff: float = 0.003
     critic_coeff: float = 0.5
@@ -45,6 +47,16 @@ class PPOSettings:
     """Divide rewards by the running deviation of discounted returns."""
     compile: str | None = None
     """A mode of `torch.compile` for the loss of a minibatch; "reduce-overhead" makes CUDA graphs of it. None: eager."""
+
+    def __post_init__(self) -> None:
+        check_ranges(
+            self,
+            count=("epochs", "minibatch"),
+            positive=("learning_rate", "critic_learning_rate", "clip_epsilon", "max_grad_norm"),
+            not_negative=("entropy_coeff", "critic_coeff", "critic_warmup", "rate_warmup"),
+            share=("gamma", "gae_lambda"),
+            limit=("kl_stop",),
+        )
 
 
 class PolicyUpdate:

@@ -11,6 +11,7 @@ from torchrl.modules import ProbabilisticActor, ValueOperator
 from torchrl.objectives import SoftUpdate
 
 from tstar_rl.objectives import PriorRegularisedSACLoss
+from tstar_rl.updates.ranges import check_ranges
 
 TRANSITION = (
     "observation",
@@ -39,6 +40,16 @@ class SkillPolicySettings:
     critic_warmup: int = 0
     """First minibatches in which the critics alone are trained."""
     max_grad_norm: float = 10.0
+
+    def __post_init__(self) -> None:
+        check_ranges(
+            self,
+            count=("minibatch", "first"),
+            positive=("target_divergence", "alpha", "learning_rate", "updates", "max_grad_norm"),
+            not_negative=("critic_warmup",),
+            share=("gamma",),
+            positive_share=("tau",),
+        )
 
 
 class SkillPolicyUpdate:

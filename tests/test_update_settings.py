@@ -1,0 +1,75 @@
+"""What settings of updates are refused, and that every config's are not."""
+
+import math
+
+import pytest
+from hydra import compose, initialize_config_dir
+
+from tstar_rl.configuration import CONFIGS, settings
+from tstar_rl.updates import (
+    BehaviourCloningSettings,
+    DiscriminatorSettings,
+    PPOSettings,
+    SkillPolicySettings,
+)
+
+
+@pytest.mark.parametrize(
+    ("kind", "values", "message"),
+    [
+        (DiscriminatorSettings, {"steps": 0}, "DiscriminatorSettings.steps must be at least 1, got 0"),
+        (
+            DiscriminatorSettings,
+            {"minibatch": 0},
+            "DiscriminatorSettings.minibatch must be at least 1, got 0",
+        ),
+        (DiscriminatorSettings, {"learning_rate": 0.0}, "learning_rate must be positive, got 0.0"),
+        (
+            DiscriminatorSettings,
+            {"gradient_penalty": -1.0},
+            "gradient_penalty must be not negative, got -1.0",
+        ),
+        (PPOSettings, {"epochs": 0}, "PPOSettings.epochs must be at least 1, got 0"),
+        (PPOSettings, {"learning_rate": math.nan}, "PPOSettings.learning_rate must be positive, got nan"),
+        (PPOSettings, {"critic_learning_rate": -1e-3}, "critic_learning_rate must be positive, got -0.001"),
+        (PPOSettings, {"max_grad_norm": math.inf}, "max_grad_norm must be positive, got inf"),
+        (PPOSettings, {"critic_warmup": -1}, "critic_warmup must be not negative, got -1"),
+        (PPOSettings, {"gamma": 1.01}, r"gamma must be in \[0, 1\], got 1.01"),
+        (PPOSettings, {"kl_stop": 0.0}, r"kl_stop must be positive \(.inf: no limit\), got 0.0"),
+        (
+            BehaviourCloningSettings,
+            {"epochs": 0},
+            "BehaviourCloningSettings.epochs must be at least 1, got 0",
+        ),
+        (SkillPolicySettings, {"tau": 0.0}, r"SkillPolicySettings.tau must be in \(0, 1\], got 0.0"),
+        (SkillPolicySettings, {"updates": 0.0}, "SkillPolicySettings.updates must be positive, got 0.0"),
+        (SkillPolicySettings, {"first": 0}, "SkillPolicySettings.first must be at least 1, got 0"),
+    ],
+)
+def test_a_number_out_of_range_is_named(kind, values, message):
+    with pytest.raises(ValueError, match=message):
+        kind(**values)
+
+
+def test_zeros_that_mean_none():
+    PPOSettings(entropy_coeff=0.0, critic_coeff=0.0, critic_warmup=0, rate_warmup=0, gae_lambda=0.0)
+    DiscriminatorSettings(gradient_penalty=0.0)
+    SkillPolicySettings(critic_warmup=0)
+
+
+@pytest.mark.parametrize("scale", [path.stem for path in (CONFIGS / "scale").glob("*.yaml")])
+def test_those_of_every_scale_pass(scale):
+    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
+        config = compose("recipe/tstar", [f"scale={scale}"])
+    for section in (config.ppo, {**config.ppo, **config.chain.ppo}):
+        settings(PPOSettings, section)
+    for section in (config.f_phi, config.d_omega):
+        settings(DiscriminatorSettings, section)
+    settings(BehaviourCloningSettings, config.bc)
+
+
+@pytest.mark.parametrize("scale", [path.stem for path in (CONFIGS / "spirl").glob("*.yaml")])
+def test_those_of_every_scale_of_skills_pass(scale):
+    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
+        config = compose("recipe/spirl", [f"scale={scale}"])
+    settings(SkillPolicySettings, config.spirl.policy)

@@ -1,0 +1,35 @@
+"""What the numbers in the settings of an update may be."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+__all__ = ["check_ranges"]
+
+RANGES = {
+    "count": ("at least 1", lambda value: value >= 1),
+    "positive": ("positive", lambda value: 0 < value < math.inf),
+    "not_negative": ("not negative", lambda value: 0 <= value < math.inf),
+    "share": ("in [0, 1]", lambda value: 0 <= value <= 1),
+    "positive_share": ("in (0, 1]", lambda value: 0 < value <= 1),
+    "limit": ("positive (.inf: no limit)", lambda value: value > 0),
+}
+"""Of each kind of number, what a message calls it and whether a value is one. NaN is none."""
+
+
+def check_ranges(settings: Any, **kinds: Sequence[str]) -> None:
+    """Checks the numbers in a settings object; one that is None is left out.
+
+    Args:
+        settings: a dataclass.
+        **kinds: for a kind of `RANGES`, the names of the fields that are of it.
+
+    Raises:
+        ValueError: for the first that is not what it has to be.
+    """
+    for kind, names in kinds.items():
+        said, fits = RANGES[kind]
+        for name in names:
+            value = getattr(settings, name)
+            if value is not None and not fits(value):
+                raise ValueError(f"{type(settings).__name__}.{name} must be {said}, got {value}")
