@@ -8,12 +8,15 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+import torch
 from hydra import compose, initialize_config_dir
 from hydra.errors import MissingConfigException
 
 from tstar_rl import ablation, ablation_plots, side_by_side
 from tstar_rl.ablation import SKILLS
+from tstar_rl.collection import rollout_metrics, with_starts
 from tstar_rl.configuration import CONFIGS, chain_length
+from tstar_rl.csv_tables import MetricsLog
 from tstar_rl.plotting import ablation_finding, ablation_table, load_ablation
 from tstar_rl.starts import check_shares
 
@@ -102,9 +105,31 @@ def test_a_step_that_fails_ends_its_lane_alone(monkeypatch):
     assert done == ["a", "b", "c"]
 
 
-def test_the_mean_bonus_leaves_out_rows_without_a_success(tmp_path):
-    pd.DataFrame({"tsr_on_success": [0.2, None, 0.6]}).to_csv(tmp_path / "metrics.csv")
-    assert side_by_side.mean_bonus(tmp_path / "metrics.csv") == 0.4
+def test_the_mean_bonus_is_over_successes(tmp_path):
+    table = {
+        "episodes": [4, 0, 10, 5],
+        "success_rate": [0.5, None, 0.6, 1.0],
+        "tsr_on_success": [0.2, None, 0.6, None],
+    }
+    pd.DataFrame(table).to_csv(
+        tmp_path / "metrics.csv"
+    )  # the last of these rollouts is of a skill that nothing follows
+    assert side_by_side.mean_bonus(tmp_path / "metrics.csv") == 0.5  # (2 x 0.2 + 6 x 0.6) / 8
+    pd.DataFrame(table)[1:2].to_csv(tmp_path / "metrics.csv")
+    assert side_by_side.mean_bonus(tmp_path / "metrics.csv") == 0.0
+
+
+def test_a_mean_bonus_is_what_the_rollouts_paid(make_env, policy, tmp_path):
+    torch.manual_seed(0)
+    env, log, paid = with_starts(make_env(num_envs=6)), MetricsLog(tmp_path / "metrics.csv"), []
+    for steps in (3, 6, 9):
+        rollout = env.rollout(steps, policy, break_when_any_done=False)
+        rollout["next", "reward_tsr"] = torch.rand(6, steps, 1)
+        paid.append(rollout["next", "reward_tsr"][rollout["next", "success"]])
+        log.append(rollout_metrics(rollout))
+    mean = float(torch.cat(paid).mean())
+    assert side_by_side.mean_bonus(tmp_path / "metrics.csv") == pytest.approx(mean, abs=1e-4)
+    assert abs(float(torch.stack([each.mean() for each in paid]).mean()) - mean) > 1e-3
 
 
 def test_deviation_of_progress_by_hand():

@@ -67,6 +67,18 @@ def run_side_by_side(
 
 
 def mean_bonus(metrics: str | Path) -> float:
-    """What d_omega paid for a success on average in a run's metrics.csv, for a control that always pays as much."""
-    paid = pd.read_csv(metrics)["tsr_on_success"].mean()
-    return 0.0 if pd.isna(paid) else round(min(max(float(paid), 0.0), 1.0), 4)
+    """What d_omega paid for a success, on average over all successes, for a control that always pays as much.
+
+    Args:
+        metrics: of a run, with the columns of `rollout_metrics`: a rollout counts by its successes; one without any, or
+            of a skill that d_omega does not pay, has no "tsr_on_success" and does not count.
+
+    Returns:
+        In [0, 1], rounded to four digits; 0 if nothing was paid.
+    """
+    paid = pd.read_csv(metrics).dropna(subset=["tsr_on_success"])
+    successes = paid["episodes"] * paid["success_rate"]
+    if not successes.sum():
+        return 0.0
+    mean = float((successes * paid["tsr_on_success"]).sum() / successes.sum())
+    return round(min(max(mean, 0.0), 1.0), 4)
