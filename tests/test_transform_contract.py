@@ -1,12 +1,11 @@
 """One contract that every transform meets."""
 
 import pytest
-import torch
 from tensordict.nn import TensorDictModule
 from torch import nn
 from torch.testing import assert_close
 from torchrl.collectors import Collector
-from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
+from torchrl.data import LazyTensorStorage, SamplerWithoutReplacement, TensorDictReplayBuffer
 from torchrl.envs import Compose, SerialEnv, StepCounter, TransformedEnv
 from torchrl.envs.utils import check_env_specs
 from transform_parts import FixedStarts, Slot
@@ -95,7 +94,12 @@ class TestContract:
         make, key, loose = TRANSFORMS[name]
         inside = TransformedEnv(make_env(), make()).rollout(6, policy, break_when_any_done=False)
         bare = make_env().rollout(6, policy, break_when_any_done=False)
-        buffer = TensorDictReplayBuffer(storage=LazyTensorStorage(18), batch_size=18, transform=make())
+        buffer = TensorDictReplayBuffer(
+            storage=LazyTensorStorage(18),
+            sampler=SamplerWithoutReplacement(),
+            batch_size=18,
+            transform=make(),
+        )
         buffer.extend(bare.reshape(-1))
         before_a_model = nn.Sequential(make(), TensorDictModule(nn.Identity(), ["observation"], ["copy"]))
         if not loose:
@@ -107,6 +111,8 @@ class TestContract:
             return
         for use in (make(), before_a_model, Compose(make())):
             assert_close(use(bare.clone())["next", key], inside["next", key])
-        assert_close(buffer.sample()["next", key].shape, torch.Size([18, 1]))
+        sample = buffer.sample()
+        assert sorted(sample["index"].tolist()) == list(range(18))
+        assert_close(sample["next", key], inside["next", key].reshape(18, 1)[sample["index"]])
         with pytest.raises(KeyError, match="needs steps"):
             make()(bare["next"].clone())
