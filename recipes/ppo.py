@@ -1,6 +1,6 @@
-"""One skill from the environment's reward and an imitation reward (the paper's first stage).
+"""PPO: one policy, of a subtask or of the whole task, from the environment's reward alone.
 
-python recipes/gail_ppo.py task=table_lack subtask=0 scale=laptop seed=0
+python recipes/ppo.py task=table_lack scale=whole seed=0          # or subtask=0 scale=laptop
 """
 
 import torch

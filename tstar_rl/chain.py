@@ -115,7 +115,12 @@ def try_out(skill: Skill, env: TransformedEnv) -> tuple[float, TensorDictBase]:
 
 
 def hand_over(skill: Skill, last: TensorDictBase) -> None:
-    """Lets the termination set be what this trial reached, and the initiation set grow by where it succeeded from."""
+    """Lets the termination set be what this trial reached, and the initiation set grow by where it succeeded from.
+
+    Of a policy that a gate has rejected, what it reached while training leaves the termination set with this: the next
+    skill would never start there. The starts it succeeded from stay in the initiation set, though the policy that is
+    kept need not succeed from them.
+    """
     before = skill.termination_set
     skill.termination_set = TerminationSet(before.capacity, before.device)
     skill.termination_set.extend_from(last)
