@@ -2,24 +2,26 @@
 
 python recipes/evaluate.py system=tstar seed=0                 # or policy_sequencing, no_finetuning, ...
 python recipes/evaluate.py system=gail_ppo subtask=2 seed=0
-python recipes/evaluate.py path=runs/table_lack/tstar/seed0/last
+python recipes/evaluate.py path=runs/table_lack/tstar/seed1/last   # system, seed and subtask are the path's
 """
 
 import itertools
 import json
 import math
+from collections.abc import Iterable
 from pathlib import Path
 
 import torch
+from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 from torchrl.checkpoint import Checkpoint
 
 from tstar_rl.chain import ChainPolicy, chain_folders
 from tstar_rl.collection import derive_seed
-from tstar_rl.configuration import chain_length, environment, recipe
+from tstar_rl.configuration import chain_length, environment, plain, recipe
 from tstar_rl.csv_tables import append_rows
 from tstar_rl.evaluation import MODES, Recorder, check_modes, evaluate, same_policy
-from tstar_rl.logging import run_path
+from tstar_rl.run_folder import note_evaluation, read_run_path, run_path
 from tstar_rl.skill_agent import load_skill
 
 
@@ -27,8 +29,8 @@ from tstar_rl.skill_agent import load_skill
 def main(config: DictConfig) -> None:
     """Evaluates, prints the table and adds it to evaluation.csv."""
     check_modes(config.modes)
-    results, checkpoints = _places(config)
-    rows, policies, film = [], {}, config.video
+    results, checkpoints = _places(config, HydraConfig.get().overrides.task)
+    rows, policies, film = [], {}, config.video and config.evaluation.recorded != 0
     for name, folders in checkpoints.items():
         skills = [load_skill(folder, task=config.task.name) for folder in folders]
         chain = len(skills) > 1
@@ -45,35 +47,67 @@ def main(config: DictConfig) -> None:
             seed = derive_seed(config.seed, "evaluate", list(MODES).index(mode), subtask)
             torch.manual_seed(seed)
             env = environment(config, subtask, number, seed, snapshots=film)
-            recorder = Recorder(env.base_env, min(config.evaluation.recorded, number) if film else 0)
+            recorder = Recorder(env.base_env, config.evaluation.recorded if film else 0)
             row = evaluate(policy, env, mode, recorder, links=len(skills) if chain else None)
             rows.append({"checkpoint": name, "mode": mode, **row, **spent, "seed": config.seed})
             recorder.write(results)
             film = False  # the first checkpoint's first mode alone
     table = append_rows(results / "evaluation.csv", rows, ("checkpoint", "mode", "seed"))
+    note_evaluation(results, plain(config))
     print(table.round(3).to_string(index=False))
     print(results / "evaluation.csv")
 
 
-def _places(config: DictConfig) -> tuple[Path, dict[str, list[Path]]]:
-    """Where the table goes; and of each checkpoint that there is, the folders of its skills in order."""
-    task, seed, names = config.task.name, config.seed, list(config.checkpoints)
-    results = run_path(config.results_dir, task, config.system, seed, config.subtask)
-    homes = [run_path(config.runs_dir, task, config.system, seed, config.subtask)]
-    if config.path is not None:
+def _places(config: DictConfig, given: Iterable[str]) -> tuple[Path, dict[str, list[Path]]]:
+    """Where the table goes; and of each checkpoint that there is, the folders of its skills in order.
+
+    Args:
+        config: its system, seed and subtask become those of config.path, where that is a run's.
+        given: the values of the command line.
+    """
+    after = _take_from_path(config, given)
+    place = (config.task.name, config.system, config.seed, config.subtask)
+    results, names = run_path(config.results_dir, *place), list(config.checkpoints)
+    homes = [run_path(config.runs_dir, *place)]
+    if after is None or after.parts:  # a checkpoint, not a run
         path = Path(config.path)
         homes, names = [path.parent], [path.name]
-        if path.parts[0] == Path(config.results_dir).name:  # a results folder: its skills lie beside it
-            homes, names = [Path(config.runs_dir, *path.parts[1:])], list(config.checkpoints)
-        home, runs = homes[0].absolute(), Path(config.runs_dir).absolute()
-        results = Path(config.results_dir, home.relative_to(runs)) if home.is_relative_to(runs) else home
+        results = path.parent if after is None else results / after.parent
     elif Path(config.system).name.startswith("no_finetuning"):
-        homes = [run_path(config.runs_dir, task, config.skills, seed, i) for i in range(chain_length(config))]
+        skills = (config.task.name, config.skills, config.seed)
+        homes = [run_path(config.runs_dir, *skills, index) for index in range(chain_length(config))]
     found = {name: [_skills(home / name) for home in homes] for name in names}
     complete = {name: [*itertools.chain(*parts)] for name, parts in found.items() if all(parts)}
     if not complete:
         raise FileNotFoundError(f"no skill and no chain at {homes[0]}/{{{','.join(names)}}}")
     return results, complete
+
+
+def _take_from_path(config: DictConfig, given: Iterable[str]) -> Path | None:
+    """Sets system, seed and subtask to those of the run that config.path is of; returns what follows the run's folder.
+
+    That is nothing for the run itself, also where no path is asked for. None: the path is of no run.
+
+    Raises:
+        ValueError: if the run is of another task, or is not what the command line asks for.
+    """
+    if config.path is None:
+        return Path()
+    path = Path(config.path).resolve()
+    roots = [Path(config[name]).resolve() for name in ("results_dir", "runs_dir")]
+    around = [root for root in roots if path.is_relative_to(root)]
+    if not around:
+        return None
+    root = max(around, key=lambda one: len(one.parts))  # one of them may lie in the other
+    place, after = read_run_path(path.relative_to(root))
+    names = {value.split("=")[0] for value in given} & {"system", "seed", "subtask"}
+    asked = {"task": config.task.name, **{name: config[name] for name in sorted(names)}}
+    for name, value in asked.items():
+        found = getattr(place, name)
+        if value != found:
+            raise ValueError(f"path={config.path} is of {name}={found}, but {name}={value} is asked for")
+    config.system, config.seed, config.subtask = place.system, place.seed, place.subtask
+    return after
 
 
 def _skills(place: Path) -> list[Path]:

@@ -9,10 +9,10 @@ import torch
 from omegaconf import DictConfig
 
 from tstar_rl.collection import derive_seed
-from tstar_rl.configuration import environment, recipe
+from tstar_rl.configuration import environment, plain, recipe
 from tstar_rl.csv_tables import append_rows
 from tstar_rl.evaluation import Recorder, evaluate
-from tstar_rl.logging import run_path
+from tstar_rl.run_folder import note_evaluation, run_path
 
 
 @recipe("evaluate_expert", video=bool)
@@ -23,13 +23,14 @@ def main(config: DictConfig) -> None:
         number = config.evaluation.whole_episodes if subtask is None else config.evaluation.episodes
         seed = derive_seed(config.seed, "evaluate", 0, subtask)
         torch.manual_seed(seed)
-        recorded = min(config.evaluation.recorded, number) if config.video else 0
-        env = environment(config, subtask, number, seed, snapshots=recorded > 0)
+        recorded = config.evaluation.recorded if config.video else 0
+        env = environment(config, subtask, number, seed, snapshots=recorded != 0)
         recorder = Recorder(env.base_env, recorded)
         row = evaluate(env.base_env.expert(), env, each_step=recorder)
         results = run_path(config.results_dir, config.task.name, config.system, config.seed, subtask)
         spent = {"env_steps": 0, "minutes": 0.0, "seed": config.seed}
         _write(results, {"checkpoint": "script", "mode": "deterministic", **row, **spent})
+        note_evaluation(results, {**plain(config), "subtask": subtask})
         recorder.write(results)
 
 

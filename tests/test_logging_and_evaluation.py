@@ -2,20 +2,23 @@
 
 import copy
 import math
+from pathlib import Path
 
 import pandas as pd
 import pytest
 import torch
+import yaml
 from tensordict import TensorDict
 
-from tstar_rl import logging
+from tstar_rl import run_folder
 from tstar_rl.chain import terminal_poses
 from tstar_rl.collection import derive_seed, run_episodes, with_starts
 from tstar_rl.csv_tables import MetricsLog, append_rows
-from tstar_rl.evaluation import check_modes, evaluate, same_policy, summarize, wilson_interval
+from tstar_rl.evaluation import Recorder, check_modes, evaluate, same_policy, summarize, wilson_interval
 from tstar_rl.logging import Run
 from tstar_rl.networks import make_policy, set_action_std
 from tstar_rl.plotting import evaluation_table, learning_curves, read_evaluations, read_metrics
+from tstar_rl.run_folder import Place, note_evaluation, read_run_path, run_path
 
 
 def test_a_log_cut_back_goes_on_as_if_it_had_never_gone_further(tmp_path):
@@ -81,12 +84,34 @@ def test_a_run_that_begins_again_is_not_finished(tmp_path):
     assert not done.is_file()
 
 
+def test_a_path_is_read_as_it_was_made():
+    for place in (Place("table", "tstar", 3, None), Place("chair", "ablations/links/2_links", 10, 2)):
+        folder = run_path("", *place)
+        assert read_run_path(folder) == (place, Path())
+        assert read_run_path(folder / "last" / "skill1") == (place, Path("last/skill1"))
+    for wrong in ("table/tstar/last", "table/seed0", "."):
+        with pytest.raises(ValueError, match="a run lies at <task>/<recipe>/seed<k>"):
+            read_run_path(Path(wrong))
+
+
+def test_the_config_of_a_training_stays_and_that_of_an_evaluation_follows_the_newest(tmp_path):
+    run = a_run(tmp_path)
+    run.start()
+    note_evaluation(run.results, {"seed": 5})
+    trained = yaml.safe_load((run.results / "config.yaml").read_text())
+    assert trained["seed"] == 0 and "evaluation_only" not in trained
+    for seed in (5, 6):
+        note_evaluation(tmp_path / "script", {"seed": seed})
+        noted = yaml.safe_load((tmp_path / "script" / "config.yaml").read_text())
+        assert noted["seed"] == seed and noted["evaluation_only"] and noted["versions"] == trained["versions"]
+
+
 def test_the_commit_is_that_of_the_code_wherever_a_run_is_started(tmp_path, monkeypatch):
-    here = logging._versions()["commit"]
+    here = run_folder._versions()["commit"]
     monkeypatch.chdir(tmp_path)
-    assert logging._versions()["commit"] == here
+    assert run_folder._versions()["commit"] == here
     monkeypatch.setenv("PATH", str(tmp_path))  # no git
-    assert logging._versions()["commit"] == "unknown"
+    assert run_folder._versions()["commit"] == "unknown"
 
 
 def test_the_best_turn_of_a_chain_is_told_by_its_trials(tmp_path):
@@ -182,6 +207,52 @@ def test_policies_are_the_same_with_equal_weights_and_deviations_only():
     assert not same_policy(first, other)
 
 
+class Film:
+    """Stands for an environment that can draw: keeps what it is asked to film."""
+
+    def __init__(self) -> None:
+        self.films = {}
+
+    def qpos_of(self, snapshot):
+        return snapshot["qpos"]
+
+    def write_mp4(self, path, positions):
+        path.write_bytes(b"new")
+        self.films[path.name] = positions
+        return True
+
+
+def record(folder, number, won):
+    """Simulation i is at i + t / 10 after step t and ends its episode, as `won` says, after min(i, 2) more."""
+    env, count = Film(), len(won)
+    recorder = Recorder(env, number)
+    index = torch.arange(count).unsqueeze(-1)
+    for step in range(3):
+        done = index.clamp(max=2) == step
+        success = done & torch.tensor(won).unsqueeze(-1)
+        snapshot = TensorDict({"qpos": (index + step / 10).double()}, [count])
+        recorder(TensorDict({"next": {"snapshot": snapshot, "success": success, "done": done}}, [count]))
+    return env.films, [path.name for path in recorder.write(folder)]
+
+
+def test_the_first_success_and_the_first_failure_of_all_episodes_are_filmed(tmp_path):
+    films, written = record(tmp_path, None, [True, True, True, False, False])
+    assert written == ["first_success.mp4", "first_failure.mp4"]
+    torch.testing.assert_close(films["first_success.mp4"], torch.tensor([[0.0]]))
+    torch.testing.assert_close(films["first_failure.mp4"], torch.tensor([[3.0], [3.1], [3.2]]))
+
+
+def test_films_of_an_earlier_evaluation_do_not_stay(tmp_path):
+    for name in ("first_success.mp4", "first_failure.mp4"):
+        (tmp_path / name).write_bytes(b"old")
+    assert record(tmp_path, 0, [True, False]) == ({}, [])
+    assert (tmp_path / "first_failure.mp4").read_bytes() == b"old"  # nothing was to be filmed
+    assert record(tmp_path, 3, [True, True, True, False])[1] == ["first_success.mp4"]
+    assert [path.read_bytes() for path in tmp_path.iterdir()] == [b"new"]
+    with pytest.raises(ValueError, match="number must not be negative, got -1"):
+        Recorder(Film(), -1)
+
+
 def test_evaluate_refuses_another_mode(make_env, policy):
     with pytest.raises(ValueError, match="deterministic, stochastic; got 'greedy'"):
         evaluate(policy, with_starts(make_env()), "greedy")
@@ -192,6 +263,22 @@ def test_seeds_of_different_purposes_differ():
     assert len(seeds) == 3 and derive_seed(0, "train", 1) in seeds and derive_seed(1, "train", 1) not in seeds
     with pytest.raises(ValueError, match="purpose must be one of"):
         derive_seed(0, "testing")
+
+
+def test_seeds_depend_on_the_index_alone():
+    assert derive_seed(0, "evaluate", 0, None) == derive_seed(0, "evaluate", 0, 99)
+    assert derive_seed(0, "train") == derive_seed(0, "train", 0) == derive_seed(0, "train", 0, 0)
+
+
+def test_rows_of_another_seed_are_refused(tmp_path):
+    row = {"checkpoint": "last", "mode": "deterministic"}
+    file = tmp_path / "table" / "tstar" / "seed1" / "evaluation.csv"
+    append_rows(file, [{**row, "seed": seed} for seed in (0, 1)], ("checkpoint", "mode", "seed"))
+    with pytest.raises(ValueError, match="seed1/evaluation.csv has rows of seed 0: they are another run's"):
+        read_evaluations(tmp_path)
+    append_rows(tmp_path / "a" / "b" / "c" / "seed2" / "evaluation.csv", [row], ("mode",))
+    pd.DataFrame([{**row, "seed": 1}]).to_csv(file, index=False)
+    assert read_evaluations(tmp_path)[["recipe", "seed", "subtask"]].values.tolist() == [["tstar", 1, -1]]
 
 
 def test_curves_and_table_from_folders(tmp_path):

@@ -102,11 +102,11 @@ class ChainSection:
 
 @dataclass(frozen=True)
 class EvaluationSection:
-    """Episodes of one subtask and of the whole task, and how many of them are filmed."""
+    """Episodes of one subtask and of the whole task, and how many of them are looked through for films; null: all."""
 
     episodes: int
     whole_episodes: int
-    recorded: int
+    recorded: int | None
 
 
 @dataclass(frozen=True)

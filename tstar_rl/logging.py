@@ -8,21 +8,17 @@ a chain terminal_states.csv);
 import json
 import math
 import shutil
-import subprocess
-import sys
 import time
 from collections.abc import Mapping
-from importlib.metadata import version
-from pathlib import Path
 from typing import Any
 
-import yaml
 from torch import Tensor
 from torchrl.checkpoint import GlobalRNGState
 from tqdm import tqdm
 
 from tstar_rl import checkpoint
 from tstar_rl.csv_tables import MetricsLog
+from tstar_rl.run_folder import run_path, write_config
 
 __all__ = ["MACHINE_ONLY", "Run", "run_path"]
 
@@ -41,32 +37,6 @@ MACHINE_ONLY = (
 LOGS = ("metrics", "terminal_states", "timing")
 FOLLOWED = ("success_rate", "completed")
 """Columns of the metrics whose running means are kept."""
-
-
-def run_path(root: str | Path, task: str, recipe: str, seed: int, subtask: int | None = None) -> Path:
-    """<root>/<task>/<recipe>/seed<k>[/subtask<i>]."""
-    path = Path(root) / task / recipe / f"seed{seed}"
-    return path if subtask is None else path / f"subtask{subtask}"
-
-
-def _versions() -> dict[str, str]:
-    names = ("torch", "torchrl", "tensordict", "mujoco", "tstar-rl")
-    found: dict[str, str] = {"python": sys.version.split()[0]}
-    for name in names:
-        try:
-            found[name] = version(name)
-        except ModuleNotFoundError:
-            found[name] = "not installed"
-    return {**found, "commit": _commit() or "unknown"}
-
-
-def _commit() -> str:
-    """Of the repository that this file is in, wherever the process runs; empty without one, or without git."""
-    command = ["git", "-C", str(Path(__file__).parent), "rev-parse", "HEAD"]
-    try:
-        return subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip()
-    except FileNotFoundError:
-        return ""
 
 
 class Run:
@@ -117,7 +87,7 @@ class Run:
             shutil.rmtree(self.work / "checkpoints", ignore_errors=True)
             for name in LOGS:
                 getattr(self, name).truncate(0)
-            self._write_config()
+            write_config(self.results, self.config)
         else:
             try:
                 checkpoint.load(found, self.components, **self.record)
@@ -203,8 +173,3 @@ class Run:
         (self.work / "finished.json").write_text(
             json.dumps({"env_steps": self.env_steps, "minutes": self.seconds / 60})
         )
-
-    def _write_config(self) -> None:
-        self.results.mkdir(parents=True, exist_ok=True)
-        kept = {**self.config, "versions": _versions()}
-        (self.results / "config.yaml").write_text(yaml.safe_dump(kept, sort_keys=False))

@@ -19,6 +19,7 @@ from tstar_rl.ablation_plots import (
     load_ablation_metrics,
 )
 from tstar_rl.result_plots import hand_over_matrix, seed_curves, terminal_state_plane
+from tstar_rl.run_folder import read_run_path
 
 __all__ = [
     "ablation_bars",
@@ -37,21 +38,26 @@ __all__ = [
 ]
 
 
-def _place(file: Path, root: Path) -> dict[str, object]:
-    """task, recipe, seed and subtask (-1: none) of a file <root>/<task>/<recipe>/seed<k>[/subtask<i>]/<file>."""
-    task, recipe, seed, *rest = file.relative_to(root).parent.parts
-    subtask = int(rest[0].removeprefix("subtask")) if rest else -1
-    return {"task": task, "recipe": recipe, "seed": int(seed.removeprefix("seed")), "subtask": subtask}
-
-
 def _read(root: str | Path, name: str) -> pd.DataFrame:
     root = Path(root)
-    frames = [
-        pd.read_csv(file).assign(**_place(file, root))
-        for depth in ("*/*/seed*", "*/*/seed*/subtask*")
-        for file in sorted(root.glob(f"{depth}/{name}"))
+    files = [
+        file for depth in ("*/*/seed*", "*/*/seed*/subtask*") for file in sorted(root.glob(f"{depth}/{name}"))
     ]
+    frames = [_read_one(file, root) for file in files]
     return pd.concat(frames, ignore_index=True) if frames else pd.DataFrame()
+
+
+def _read_one(file: Path, root: Path) -> pd.DataFrame:
+    """The table of a run, with its task, recipe, seed and subtask (-1: none)."""
+    table, (place, _) = pd.read_csv(file), read_run_path(file.relative_to(root))
+    seeds = set(table.get("seed", ())) - {place.seed}
+    if seeds:
+        others = ", ".join(map(str, sorted(seeds)))
+        raise ValueError(
+            f"{file} has rows of seed {others}: they are another run's; delete them and evaluate that run"
+        )
+    subtask = -1 if place.subtask is None else place.subtask
+    return table.assign(task=place.task, recipe=place.system, seed=place.seed, subtask=subtask)
 
 
 def read_metrics(root: str | Path = "results") -> pd.DataFrame:
@@ -60,7 +66,11 @@ def read_metrics(root: str | Path = "results") -> pd.DataFrame:
 
 
 def read_evaluations(root: str | Path = "results") -> pd.DataFrame:
-    """Every evaluation.csv below `root`, with the same columns added."""
+    """Every evaluation.csv below `root`, with the same columns added.
+
+    Raises:
+        ValueError: if a table has rows of another seed than its folder's.
+    """
     return _read(root, "evaluation.csv")
 
 

@@ -1,0 +1,82 @@
+"""Where a run lies, which run lies there, and the config.yaml that is kept of it."""
+
+import re
+import subprocess
+import sys
+from collections.abc import Mapping
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import yaml
+
+__all__ = ["Place", "note_evaluation", "read_run_path", "run_path", "write_config"]
+
+
+class Place(NamedTuple):
+    """What `run_path` takes after its root; the subtask is None for a chain and for the whole task."""
+
+    task: str
+    system: str
+    seed: int
+    subtask: int | None
+
+
+def run_path(root: str | Path, task: str, recipe: str, seed: int, subtask: int | None = None) -> Path:
+    """<root>/<task>/<recipe>/seed<k>[/subtask<i>]."""
+    path = Path(root) / task / recipe / f"seed{seed}"
+    return path if subtask is None else path / f"subtask{subtask}"
+
+
+def read_run_path(path: Path) -> tuple[Place, Path]:
+    """The inverse of `run_path`: which run a path is of, and what of the path follows the run's folder.
+
+    Args:
+        path: relative to the root.
+
+    Raises:
+        ValueError: if it is not <task>/<recipe>/seed<k>[/subtask<i>][/...].
+    """
+    found = re.fullmatch(r"([^/]+)/(.+?)/seed(\d+)(?:/subtask(\d+))?(?:/(.*))?", path.as_posix())
+    if found is None:
+        raise ValueError(f"a run lies at <task>/<recipe>/seed<k>[/subtask<i>], got {path}")
+    task, system, seed, subtask, rest = found.groups()
+    return Place(task, system, int(seed), None if subtask is None else int(subtask)), Path(rest or "")
+
+
+def write_config(folder: Path, config: Mapping[str, Any]) -> None:
+    """Writes config.yaml: plain values, the versions of what they ran on, and the commit."""
+    folder.mkdir(parents=True, exist_ok=True)
+    kept = {**config, "versions": _versions()}
+    (folder / "config.yaml").write_text(yaml.safe_dump(kept, sort_keys=False))
+
+
+def note_evaluation(folder: Path, config: Mapping[str, Any]) -> None:
+    """Writes an evaluation's config.yaml, unless the folder has that of a training, which stays.
+
+    `evaluation_only: true` in it tells the two apart. It is for what has no training of its own: skills chained as they
+    are, the script.
+    """
+    file = folder / "config.yaml"
+    if not file.is_file() or yaml.safe_load(file.read_text()).get("evaluation_only"):
+        write_config(folder, {**config, "evaluation_only": True})
+
+
+def _versions() -> dict[str, str]:
+    names = ("torch", "torchrl", "tensordict", "mujoco", "tstar-rl")
+    found: dict[str, str] = {"python": sys.version.split()[0]}
+    for name in names:
+        try:
+            found[name] = version(name)
+        except ModuleNotFoundError:
+            found[name] = "not installed"
+    return {**found, "commit": _commit() or "unknown"}
+
+
+def _commit() -> str:
+    """Of the repository that this file is in, wherever the process runs; empty without one, or without git."""
+    command = ["git", "-C", str(Path(__file__).parent), "rev-parse", "HEAD"]
+    try:
+        return subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip()
+    except FileNotFoundError:
+        return ""
