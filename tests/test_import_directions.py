@@ -16,7 +16,7 @@ LAYERS = (
     ("physics",),
     ("connection",),
     ("tasks",),
-    ("experts", "state_edit"),
+    ("experts", "snapshot_check", "state_edit"),
     ("environment",),
     ("registry", "dm_environment", "gymnasium_shared"),
     ("gymnasium_env", "gymnasium_vector_env"),

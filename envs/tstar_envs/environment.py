@@ -16,6 +16,7 @@ from tstar_envs.furniture import library
 from tstar_envs.physics.simulators import make_physics
 from tstar_envs.scene import SUBSTEPS, build_model
 from tstar_envs.settings import TaskSettings
+from tstar_envs.snapshot_check import SnapshotCheck
 from tstar_envs.state_edit import StateEditor
 from tstar_envs.tasks.actions import NUM_ACTIONS
 from tstar_envs.tasks.assembly import Assembly, assign
@@ -67,6 +68,7 @@ class BatchedEnvironment:
         self.seed(seed)
         self.state = self.task.new_state()
         self._editor = StateEditor(self.model, self.task.tables)
+        self._check = SnapshotCheck(name, self.model, self.task.tables, self.state)
         self.failures = 0
 
     @property
@@ -105,13 +107,13 @@ class BatchedEnvironment:
         """Starts new episodes from snapshots, at the beginning of the subtask that each is at.
 
         Raises:
-            ValueError: a snapshot is at another subtask than the environment's, or has nothing left to assemble.
+            ValueError: a snapshot is not one of these simulations, is at another subtask than the environment's, or has
+                nothing left to assemble.
         """
         mask = self._all() if mask is None else mask
-        self._check_batch(snapshot)
-        snapshot = self._here(snapshot)
+        snapshot = self._checked(snapshot, mask)
         self._check_subtask(snapshot["task", "subtask"][mask])
-        self.restore(snapshot, mask)
+        self._put(snapshot, mask)
         self.task.begin_subtask(self.state, mask)
         self.task.begin_episode(self.state, mask)
 
@@ -154,11 +156,13 @@ class BatchedEnvironment:
         )
 
     def restore(self, snapshot: TensorDict, mask: Tensor | None = None) -> None:
-        """Puts the simulations of `mask` into the states of `snapshot` (batch N), which any simulator took."""
-        self._check_batch(snapshot)
-        mask, snapshot = self._all() if mask is None else mask, self._here(snapshot)
-        self.physics.set_state(snapshot["physics"], snapshot["welds"], mask)
-        assign(self.state, snapshot["task"].select(*self.state.keys()), mask)
+        """Puts the simulations of `mask` into the states of `snapshot` (batch N), which any simulator took.
+
+        Raises:
+            ValueError: it is no snapshot of so many simulations of this furniture; see `snapshot_check`.
+        """
+        mask = self._all() if mask is None else mask
+        self._put(self._checked(snapshot, mask), mask)
 
     def qpos_of(self, snapshot: TensorDict) -> Tensor:
         """Joint positions (n, nq) of snapshots [n]; see `state_edit`."""
@@ -168,19 +172,17 @@ class BatchedEnvironment:
         """Snapshots [n] at positions (n, nq), and which are possible, (n,); see `state_edit`."""
         return self._editor.with_qpos(snapshot, qpos)
 
-    def _check_batch(self, snapshot: TensorDict) -> None:
-        if snapshot.batch_size != torch.Size([self.num_sims]):
-            raise ValueError(
-                f"a snapshot of {self.num_sims} simulations is needed, got {tuple(snapshot.batch_size)}"
-            )
+    def _checked(self, snapshot: TensorDict, mask: Tensor) -> TensorDict:
+        """The snapshot on the device of the simulations; raises for one that is not theirs in a row of `mask`."""
+        self._check.layout(snapshot)
+        if snapshot["physics"].device != self.physics.device:
+            snapshot = snapshot.to(self.physics.device)
+        self._check.furniture(snapshot, mask)
+        return snapshot
 
-    def _here(self, snapshot: TensorDict) -> TensorDict:
-        """The snapshot on the device of the simulations."""
-        return (
-            snapshot
-            if snapshot["physics"].device == self.physics.device
-            else snapshot.to(self.physics.device)
-        )
+    def _put(self, snapshot: TensorDict, mask: Tensor) -> None:
+        self.physics.set_state(snapshot["physics"], snapshot["welds"], mask)
+        assign(self.state, snapshot["task"].select(*self.state.keys()), mask)
 
     def _check_subtask(self, found: Tensor) -> None:
         wrong = found >= self.num_subtasks if self.subtask is None else found != self.subtask

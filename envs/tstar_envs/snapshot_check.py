@@ -1,0 +1,96 @@
+"""Whether a snapshot is one of these simulations: its entries, their shapes, and the furniture it was taken of.
+
+A snapshot carries the furniture's marks without a field for them. Welds that are not made yet hold the relative poses
+that the scene was compiled with; those that are made hold two connectors of the recipe together.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco
+import torch
+from tensordict import TensorDictBase
+from torch import Tensor
+
+from tstar_envs import geometry
+from tstar_envs.physics.state_row import row_size, row_slice
+from tstar_envs.tasks.recipe_tables import RecipeTables
+
+ROUNDING = 1e-4
+"""By how much compiled poses may differ: simulators of single precision round them."""
+APART = 0.1
+"""Further apart, m, no weld of the recipe holds its connectors."""
+
+
+class SnapshotCheck:
+    """Refuses what is no snapshot of `num_sims` simulations of the furniture `name`.
+
+    Args:
+        name: of the furniture.
+        model: its compiled scene.
+        tables: its recipe.
+        state: episode state of the simulations, (num_sims, ...).
+    """
+
+    def __init__(self, name: str, model: mujoco.MjModel, tables: RecipeTables, state: TensorDictBase):
+        self.name, self.tables = name, tables
+        self.num_sims, device = state.batch_size[0], tables.initial_pose.device
+        self._compiled = torch.as_tensor(model.eq_data, dtype=torch.float64).to(device)
+        self._active = row_slice(model, mujoco.mjtState.mjSTATE_EQ_ACTIVE)
+        self._shapes: dict[Any, tuple[int, ...]] = {
+            "physics": (self.num_sims, row_size(model)),
+            "welds": (self.num_sims, *self._compiled.shape),
+            **{("task", key): tuple(value.shape) for key, value in state.items()},
+        }
+
+    def layout(self, snapshot: Any) -> None:
+        """Checks entries and shapes.
+
+        Raises:
+            ValueError: it is no TensorDict of this batch, or an entry is missing or of another shape.
+        """
+        if not isinstance(snapshot, TensorDictBase):
+            raise ValueError(
+                f"a snapshot is the TensorDict that snapshot() gives, got a {type(snapshot).__name__}"
+            )
+        if snapshot.batch_size != torch.Size([self.num_sims]):
+            raise ValueError(
+                f"a snapshot of {self.num_sims} simulations is needed, got {tuple(snapshot.batch_size)}"
+            )
+        for key, shape in self._shapes.items():
+            value, field = snapshot.get(key, None), key if isinstance(key, str) else ".".join(key)
+            if value is None:
+                raise ValueError(
+                    f"a snapshot of {self.name} needs {field!r}, this one has {', '.join(map(str, snapshot.keys()))}; "
+                    "take what snapshot() gives"
+                )
+            if tuple(value.shape) != shape:
+                raise ValueError(
+                    f"{field!r} of a snapshot of {self.name} has shape {shape}, got {tuple(value.shape)}: "
+                    "was it taken of other furniture?"
+                )
+
+    def furniture(self, snapshot: TensorDictBase, mask: Tensor) -> None:
+        """Checks the welds in the rows of `mask` (N,); the snapshot's layout is right and it is on the device.
+
+        Raises:
+            ValueError: a row was taken of other furniture.
+        """
+        active, welds = snapshot["physics"][:, self._active] > 0, snapshot["welds"]
+        own = (active | ((welds - self._compiled).abs().amax(-1) <= ROUNDING)).all(-1)
+        finished = active.all(-1)
+        if not bool((mask & (finished | ~own)).any()):  # as good as always: no start is finished
+            return
+        foreign = mask & torch.where(finished, ~self._joins(welds).all(-1), ~own)
+        if bool(foreign.any()):
+            raise ValueError(
+                f"the snapshot in simulation {foreign.nonzero()[0].item()} was not taken of {self.name} as it is now: "
+                "its welds are those of other furniture, or of an earlier file of this one"
+            )
+
+    def _joins(self, welds: Tensor) -> Tensor:
+        """(N, K): whether a weld brings the connectors of its step together."""
+        moving, target = self.tables.moving_connector[:, :3], self.tables.target_connector[:, :3]
+        point = welds[..., 3:6] + geometry.quat_rotate(welds[..., 6:10], moving.expand_as(welds[..., 3:6]))
+        return (point - target).norm(dim=-1) < APART

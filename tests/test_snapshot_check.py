@@ -1,0 +1,99 @@
+"""Snapshots of other furniture, or with something missing, are refused in every front; one's own never is."""
+
+import gymnasium
+import pytest
+import torch
+from tensordict import TensorDict
+from worlds import make
+
+import tstar_envs
+from tstar_envs.environment import BatchedEnvironment
+from tstar_rl.furniture_env import FurnitureEnv
+
+TABLE, CHAIR = "table_lack", "chair_ingolf"
+OTHER = "not taken of table_lack as it is now: its welds are those of other furniture"
+
+
+@pytest.fixture(scope="module")
+def table() -> BatchedEnvironment:
+    return make(2, 0)
+
+
+@pytest.fixture(scope="module")
+def chair() -> TensorDict:
+    return make(2, 0, name=CHAIR).snapshot()
+
+
+def starts(snapshot: TensorDict, *use: bool) -> TensorDict:
+    return TensorDict({"start": {"snapshot": snapshot, "use": torch.tensor(use).unsqueeze(-1)}}, [2])
+
+
+def test_the_chair_is_refused_in_every_front(table, chair):
+    """Rows are as wide as the table's: nothing else would tell."""
+    own = table.snapshot()
+    assert all(value.shape == chair[name].shape for name, value in own.items(True, True))
+    env = FurnitureEnv(TABLE, 2, 0, seed=0)
+    ways = [
+        lambda: table.restore(chair),
+        lambda: table.reset_to(chair),
+        lambda: env.restore(chair),
+        lambda: env.reset(starts(chair, True, True)),
+        lambda: tstar_envs.load_dm(TABLE, 0).reset_to(chair[:1]),
+        lambda: gymnasium.make("tstar/TableLack-v0", subtask=0).reset(options={"snapshot": chair[:1]}),
+        lambda: gymnasium.make_vec("tstar/TableLack-v0", 2, subtask=0).reset(options={"snapshot": chair}),
+    ]
+    for way in ways:
+        with pytest.raises(ValueError, match=f"the snapshot in simulation 0 was {OTHER}"):
+            way()
+    assert all(torch.equal(value, own[name]) for name, value in table.snapshot().items(True, True))
+
+
+def test_rows_that_are_not_used_may_be_anything(table, chair):
+    mixed = torch.cat([table.snapshot()[:1], chair[1:]])
+    table.restore(mixed, torch.tensor([True, False]))
+    FurnitureEnv(TABLE, 2, 0, seed=0).reset(starts(mixed, True, False))
+    with pytest.raises(ValueError, match=f"the snapshot in simulation 1 was {OTHER}"):
+        table.restore(mixed)
+
+
+@pytest.mark.parametrize("name", [TABLE, CHAIR])
+@pytest.mark.parametrize("settings", [{}, {"preassembled": "jitter"}, {"snap": True, "part_noise": 0.0}])
+def test_ones_own_are_taken_at_every_subtask(name, settings):
+    for subtask in range(4):
+        world = make(3, subtask, name=name, **settings)
+        snapshot = world.snapshot()
+        make(3, subtask, seed=1, name=name).reset_to(snapshot)
+        world.restore(snapshot)
+
+
+def finished(name: str) -> TensorDict:
+    """A whole piece: every step made, jittered as much as the setting goes by default."""
+    world = make(2, 3, name=name, preassembled="jitter")
+    world.task.connect_ideally(3, torch.ones(2, dtype=torch.bool))
+    world.task.starts.weld(3, torch.ones(2, dtype=torch.bool))
+    return world.snapshot()
+
+
+def test_finished_pieces_are_told_apart_by_what_their_welds_join(table):
+    table.restore(finished(TABLE))
+    with pytest.raises(ValueError, match=OTHER):
+        table.restore(finished(CHAIR))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda s: s.exclude("welds"), "table_lack needs 'welds', this one has physics, task; take what snapshot"),
+        (lambda s: s.exclude(("task", "phase")), r"needs 'task\.phase'"),
+        (lambda s: s.exclude("task"), r"needs 'task\.subtask', this one has physics, welds"),
+        (lambda s: s.set("physics", s["physics"][:, 1:]), r"'physics' of a .* has shape \(2, \d+\), got \(2, \d+\)"),
+        (lambda s: s.set("welds", s["welds"][:, :3]), r"'welds' .* \(2, 4, \d+\), got \(2, 3, \d+\): was it taken of"),
+        (lambda s: s[:1], r"a snapshot of 2 simulations is needed, got \(1,\)"),
+        (lambda s: s.to_dict(), "is the TensorDict that snapshot.. gives, got a dict"),
+        (lambda s: s.set("welds", torch.nan * s["welds"]), OTHER),
+    ],
+)  # fmt: skip
+def test_what_is_missing_or_of_another_shape_is_named(table, change, message):
+    for take in (table.restore, table.reset_to):
+        with pytest.raises(ValueError, match=message):
+            take(change(table.snapshot()))
