@@ -101,16 +101,18 @@ def load_chain(path: Path, **expected: Any) -> list[Skill]:
 
 
 def chain_progress(skills: Sequence[Skill], env: TransformedEnv) -> float:
-    """Mean share of a chain's subtasks that are done in one deterministic episode of every simulation."""
+    """Mean share of a chain's subtasks that are done in one deterministic episode of every simulation; closes `env`."""
     with set_exploration_type(ExplorationType.DETERMINISTIC):
         last = run_episodes(env, ChainPolicy(skills))
+    env.close()
     return float(last["next", "completed"].clamp(max=len(skills)).double().mean()) / len(skills)
 
 
 def try_out(skill: Skill, env: TransformedEnv) -> tuple[float, TensorDictBase]:
-    """One deterministic episode of every simulation: the share that succeeds, and the last steps."""
+    """One deterministic episode of every simulation: the share that succeeds, and the last steps; closes `env`."""
     with set_exploration_type(ExplorationType.DETERMINISTIC):
         last = run_episodes(env, skill.policy)
+    env.close()
     return float(last["next", "success"].float().mean()), last
 
 
