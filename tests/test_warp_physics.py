@@ -1,6 +1,8 @@
 """The GPU's simulator: snapshots, masks, welds of each simulation, failures, room, starts made in advance."""
 
+import gc
 import sys
+import weakref
 
 import pytest
 import torch
@@ -13,6 +15,8 @@ from torchrl.envs import check_env_specs
 import tstar_envs
 from tstar_envs.environment import BatchedEnvironment
 from tstar_envs.physics import warp, warp_scene
+from tstar_envs.physics.warp import WarpPhysics
+from tstar_rl.collection import with_starts
 from tstar_rl.furniture_env import FurnitureEnv
 
 pytestmark = pytest.mark.parametrize("device", warp_worlds.DEVICES)
@@ -128,12 +132,63 @@ def test_a_failed_simulation_ends_alone(device, value):
     assert follow(world, [idle(world)])[0].isfinite().all() and not world.state["failed"].any()
 
 
-def test_too_little_room_is_an_error(device, monkeypatch):
-    monkeypatch.setattr(warp, "room", lambda model: warp_scene.Room(contacts=64, rows=32, convex=8))
-    with pytest.raises(
-        RuntimeError, match="needs more room than 64 contacts, 32 constraint rows.*warp_scene"
-    ):
+SMALL_ROOMS = {
+    "simulation 0 needs more room than 32 constraint rows.*warp_scene": (64, 32, 8),
+    "3 simulations together need more room than 12 contacts and 12 convex pairs, 4 and 4 for each.*warp_scene": (
+        4, 256, 4,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("said", SMALL_ROOMS)
+def test_too_little_room_for_a_scene_at_rest_is_an_error(device, said, monkeypatch):
+    monkeypatch.setattr(warp, "room", lambda model: warp_scene.Room(*SMALL_ROOMS[said]))
+    with pytest.raises(RuntimeError, match=said):
         warp_worlds.make(device=device)
+
+
+def test_without_room_for_its_constraint_rows_a_simulation_fails_alone(device):
+    world = warp_worlds.make(device=device)
+    world.physics._overflow[1] |= 1  # NEFC
+    follow(world, [idle(world)])
+    assert world.state["failed"].tolist() == [False, True, False] and world.failures == 1
+    world.reset(second(world))
+    follow(world, [idle(world)])
+    assert not world.state["failed"].any()
+
+
+def test_a_lost_contact_is_an_error_when_it_is_looked_for(device, monkeypatch):
+    monkeypatch.setattr(warp, "CHECKED_EVERY", 2)
+    world = warp_worlds.make(device=device)
+    world.physics._overflow[:] |= 8  # NARROWPHASE: every simulation is marked, whosever contact it was
+    follow(world, [idle(world)])
+    with pytest.raises(RuntimeError, match="3 simulations together need more room than"):
+        follow(world, [idle(world)])
+    with pytest.raises(RuntimeError, match="3 simulations together"):
+        world.physics.check_room()
+
+
+def test_nothing_waits_for_the_garbage_collector(device):
+    env = with_starts(FurnitureEnv("table_lack", 2, device=device, seed=0, physics="warp"))
+    env.reset()
+    physics = env.base_env.world.physics
+    expected = physics.state()
+    bare = WarpPhysics(physics.model, 2, device)
+    held = [
+        weakref.ref(each) for each in (physics._data, physics._model, physics._data.qpos, bare, bare._data)
+    ]
+    gc.collect()
+    gc.disable()
+    try:
+        env.close()
+        env.close()
+        del bare
+        assert [reference() for reference in held] == [None] * len(held)
+    finally:
+        gc.enable()
+    assert torch.equal(physics.state(), expected)
+    with pytest.raises(RuntimeError, match="these simulations were closed"):
+        physics.step(1)
 
 
 def test_the_torchrl_front(device):

@@ -239,5 +239,10 @@ class FurnitureEnv(EnvBase):
             out["snapshot"] = self.snapshot()
         return TensorDict(out, self.batch_size, device=self.device)
 
+    def close(self, *, raise_if_closed: bool = True) -> None:
+        """Frees what the simulators hold on a GPU; positions and snapshots can still be read."""
+        self.world.physics.close()
+        super().close(raise_if_closed=raise_if_closed)
+
     def _set_seed(self, seed: int | None) -> None:
         self.world.seed(seed)

@@ -84,6 +84,9 @@ class CpuPhysics:
         self.eq_data[mask] = welds[mask]
         self.forward(mask)
 
+    def close(self) -> None:
+        pass  # the tensors are the simulations: they go together
+
     def _advance(self, ids: np.ndarray | None, substeps: int) -> Tensor:
         raised = np.zeros(self.num_sims, dtype=bool)
         try:

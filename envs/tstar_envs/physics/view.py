@@ -65,3 +65,7 @@ class PhysicsView(Protocol):
     def set_state(self, rows: Tensor, welds: Tensor, mask: Tensor | None = None) -> None:
         """Restores states (N, S) and weld poses (N, num_welds, W) in the simulations of `mask`."""
         ...
+
+    def close(self) -> None:
+        """Frees what the simulator holds on a device; they can then be read, not stepped. May be repeated."""
+        ...

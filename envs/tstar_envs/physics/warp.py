@@ -2,7 +2,8 @@
 
 Warp simulates in single precision; outward every tensor is float64, so that the task computes as it does on the
 processor. A float64 tensor and Warp's own array (which torch reads in place) are copied to each other on the device,
-once a call. Nothing goes through the host, and on a GPU every substep is one launch of a recorded CUDA graph.
+once a call, and on a GPU every substep is one launch of a recorded CUDA graph. No state goes through the host; where
+the host waits for a truth value, here and in the task, is listed in docs/decisions/0011-gpu-simulator.md.
 
 Guarantee: a restored state has the same future as the uninterrupted one, bit for bit on Warp's CPU device. On a GPU
 contacts are found in any order, so two runs agree to rounding only. Rows are laid out as MuJoCo's: a snapshot taken
@@ -11,8 +12,7 @@ by one simulator, rounded to single precision, is a start for the other.
 
 from __future__ import annotations
 
-import copy
-from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import mujoco
@@ -21,11 +21,15 @@ from torch import Tensor
 
 from tstar_envs.physics.masks import write
 from tstar_envs.physics.state_row import row_size, row_slice
+from tstar_envs.physics.warp_engine import libraries, look, without_sensors
+from tstar_envs.physics.warp_graph import Recorded
 from tstar_envs.physics.warp_scene import room, warp_model
 
 _STATE = mujoco.mjtState
 _TOO_LARGE = 1e10
 """MuJoCo gives up on a simulation with a position or velocity beyond this."""
+CHECKED_EVERY = 32
+"""Control steps between two looks at whether contacts were lost: a look makes the host wait for the device."""
 
 
 class WarpPhysics:
@@ -39,13 +43,13 @@ class WarpPhysics:
     steps_together = True
 
     def __init__(self, model: mujoco.MjModel, num_sims: int, device: str | torch.device = "cuda"):
-        self._warp, self._mujoco_warp = _libraries()
+        self._warp, engine = libraries()
         self.model, self.num_sims, self.device = model, num_sims, _checked(torch.device(device))
         self._place = self._warp.device_from_torch(self.device)
         scene, self.room = warp_model(model), room(model)
         with self._warp.ScopedDevice(self._place):
-            self._model = self._mujoco_warp.put_model(scene, batch_sizes={"eq_data": num_sims})
-            self._data = self._mujoco_warp.make_data(
+            self._model = engine.put_model(scene, batch_sizes={"eq_data": num_sims})
+            self._data = engine.make_data(
                 scene,
                 nworld=num_sims,
                 nconmax=self.room.contacts,
@@ -56,19 +60,22 @@ class WarpPhysics:
         self._model.opt.warn_overflow = 0  # an error of our own says it
         if self.device.type == "cuda":
             self._model.opt.graph_conditional = self._warp.is_conditional_graph_supported()
-        self._blind = _without_sensors(self._model)
-        self._overflow = self._raw(self._data.overflow)
+        kinds = engine.OverflowType
+        self._cramped = int(kinds.NEFC | kinds.NJMAX_NNZ)
+        self._lost = int(kinds.BROADPHASE | kinds.NARROWPHASE | kinds.CCD)
+        self._overflow, self._steps = self._raw(self._data.overflow), 0
         state = {name: self._raw(getattr(self._data, name)) for name in ("qpos", "qvel", "ctrl", "eq_active")}
         state["eq_data"] = self._raw(self._model.eq_data)
         self._time, self._warmstart = self._raw(self._data.time), self._raw(self._data.qacc_warmstart)
         self._state = {name: (raw, raw.double()) for name, raw in state.items()}
         self.qpos, self.qvel, self.ctrl, self.eq_active, self.eq_data = (x for _, x in self._state.values())
         self._derived: dict[str, tuple[Tensor, Tensor]] = {}
-        self._torch_stream: Any = None
         self._rows = {c: row_slice(model, c) for c in _COMPONENTS}
         self._start = {name: value.clone() for name, (_, value) in self._state.items()}
         self._sensors = self._follow("sensordata")
-        self._substep, self._derive = self._recorded(self._advance_once), self._recorded(self._look)
+        recorded = partial(Recorded, self._warp, self._place, self.device)
+        self._substep = recorded(partial(engine.step, without_sensors(self._model), self._data))
+        self._derive = recorded(partial(look, engine, self._model, self._data))
         self.clear(torch.ones(num_sims, dtype=torch.bool, device=self.device))
         self.forward()
 
@@ -88,22 +95,39 @@ class WarpPhysics:
         return self._sensors[:, sensor.adr[0] : sensor.adr[0] + sensor.dim[0]]
 
     def step(self, substeps: int) -> Tensor:
-        self._push()
-        for _ in range(substeps):
-            self._substep()
-        for name in ("qpos", "qvel"):
-            raw, value = self._state[name]
-            value.copy_(raw)
-        self._refresh()
-        self._check_room()
-        sound = (self.qpos.abs() < _TOO_LARGE).all(-1) & (self.qvel.abs() < _TOO_LARGE).all(-1)  # NaN is not
-        return ~sound
+        failed, cramped = self._advance(substeps)
+        self._steps += 1
+        if self._steps % CHECKED_EVERY == 0:
+            self.check_room()
+        return failed | cramped
 
     def settle(self, mask: Tensor, substeps: int) -> Tensor:
         before, welds = self.state(), self.eq_data.clone()
-        failed = self.step(substeps)
+        failed, cramped = self._advance(substeps)
+        self.check_room()
+        if bool((cramped & mask).any()):
+            raise RuntimeError(
+                f"simulation {int((cramped & mask).nonzero()[0])} needs more room than {self.room.rows} constraint "
+                f"rows while its parts settle; {_RAISE_IT}"
+            )
         self.set_state(before, welds, ~mask)
         return failed & mask
+
+    def check_room(self) -> None:
+        """Looks whether a contact was lost, in any simulation at any time; `settle` does, and `step` now and then.
+
+        A simulation without room for its constraint rows fails alone, as one that MuJoCo gives up on. Contacts have
+        their room together, and whose are lost is chance: that is an error.
+
+        Raises:
+            RuntimeError: contacts were lost.
+        """
+        if bool((self._overflow & self._lost).any()):
+            n, contacts, convex = self.num_sims, self.room.contacts, self.room.convex
+            raise RuntimeError(
+                f"{n} simulations together need more room than {n * contacts} contacts and {n * convex} convex pairs, "
+                f"{contacts} and {convex} for each; {_RAISE_IT}"
+            )
 
     def forward(self, mask: Tensor | None = None) -> None:
         self._push()
@@ -129,6 +153,15 @@ class WarpPhysics:
         write(self.eq_data, welds, mask)
         self.forward(mask)
 
+    def close(self) -> None:
+        self._substep = self._derive = _closed
+        self._model = self._data = None
+        self._time, self._warmstart, self._overflow = (
+            raw.clone() for raw in (self._time, self._warmstart, self._overflow)
+        )
+        self._state = {name: (value, value) for name, (_, value) in self._state.items()}
+        self._derived = {name: (value, value) for name, (_, value) in self._derived.items()}
+
     def _parts(self) -> tuple[Tensor, ...]:
         return self._time, self.qpos, self.qvel, self._warmstart, self.ctrl, self.eq_active
 
@@ -151,56 +184,19 @@ class WarpPhysics:
         for raw, value in self._derived.values():
             value.copy_(raw)
 
-    def _advance_once(self) -> None:
-        self._mujoco_warp.step(self._blind, self._data)
-
-    def _look(self) -> None:
-        """What follows from positions and velocities, sensors included, without any dynamics."""
-        engine, model, data = self._mujoco_warp, self._model, self._data
-        engine.fwd_kinematics(model, data)
-        engine.collision(model, data)
-        data.sensordata.zero_()
-        engine.sensor_pos(model, data)
-        engine.com_vel(model, data)
-        engine.sensor_vel(model, data)
-
-    def _recorded(self, work: Callable[[], None]) -> Callable[[], None]:
-        """`work` on Warp's device; on a GPU recorded once, as a graph that torch's stream then launches."""
-        warp = self._warp
-
-        def plain() -> None:
-            with warp.ScopedDevice(self._place):
-                work()
-
-        if self.device.type != "cuda":
-            return plain
-        plain()  # compiles the kernels: nothing may be loaded while recording
-        warp.synchronize_device(self._place)
-        with warp.ScopedCapture(self._place) as capture:
-            plain()
-
-        def launch() -> None:
-            warp.capture_launch(capture.graph, stream=self._stream())
-
-        return launch
-
-    def _stream(self) -> Any:
-        """The CUDA stream that torch uses now, so that its reads and writes and ours keep their order."""
-        current = torch.cuda.current_stream(self.device)
-        if self._torch_stream is None or self._torch_stream.cuda_stream != current.cuda_stream:
-            self._torch_stream = self._warp.stream_from_torch(current)
-        return self._torch_stream
-
-    def _check_room(self) -> None:
-        kinds = self._mujoco_warp.OverflowType
-        lost = kinds.NEFC | kinds.NJMAX_NNZ | kinds.BROADPHASE | kinds.NARROWPHASE | kinds.CCD
-        full = (self._overflow & int(lost)) != 0
-        if bool(full.any()):
-            raise RuntimeError(
-                f"simulation {int(full.nonzero()[0])} needs more room than {self.room.contacts} contacts, "
-                f"{self.room.rows} constraint rows and {self.room.convex} convex pairs; `room` in "
-                "tstar_envs/physics/warp_scene.py estimates them from the scene: raise it for this furniture"
-            )
+    def _advance(self, substeps: int) -> tuple[Tensor, Tensor]:
+        """Steps; (N,) each, which simulations are no longer sound, and which had no room for their constraint rows."""
+        self._push()
+        for _ in range(substeps):
+            self._substep()
+        for name in ("qpos", "qvel"):
+            raw, value = self._state[name]
+            value.copy_(raw)
+        self._refresh()
+        cramped = (self._overflow & self._cramped) != 0
+        self._overflow &= ~self._cramped
+        sound = (self.qpos.abs() < _TOO_LARGE).all(-1) & (self.qvel.abs() < _TOO_LARGE).all(-1)  # NaN is not
+        return ~sound, cramped
 
 
 _COMPONENTS = (
@@ -212,28 +208,13 @@ _COMPONENTS = (
     _STATE.mjSTATE_EQ_ACTIVE,
 )
 """What a row holds of these scenes; forces applied from outside, which nothing here uses, stay zero."""
+_RAISE_IT = (
+    "`room` in tstar_envs/physics/warp_scene.py estimates it from the scene: raise it for this furniture"
+)
 
 
-def _without_sensors(model: Any) -> Any:
-    """Warp's model, its arrays shared, without sensors: nothing reads them between the substeps of a control step."""
-    model = copy.copy(model)
-    model.opt = copy.copy(model.opt)
-    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_SENSOR.value
-    return model
-
-
-def _libraries() -> tuple[Any, Any]:
-    try:
-        import mujoco_warp
-        import warp
-    except ImportError as error:
-        raise ImportError(
-            "simulating on a GPU (device='cuda', or physics='warp') needs the extra 'gpu': "
-            "pip install 'tstar_rl[gpu]', or pip install -e '.[gpu]' in a clone"
-        ) from error
-    warp.config.log_level = max(warp.config.log_level, warp.LOG_WARNING)  # not a line for every kernel loaded
-    warp.init()
-    return warp, mujoco_warp
+def _closed() -> None:
+    raise RuntimeError("these simulations were closed: their memory on the device is free; make new ones")
 
 
 def _checked(device: torch.device) -> torch.device:
