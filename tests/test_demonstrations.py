@@ -1,5 +1,6 @@
 """Demonstrations come back as written, and a damaged file names what is wrong."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,8 @@ from tstar_rl.demonstrations import DemonstrationError, Demonstrations
 @pytest.fixture
 def demonstrations() -> Demonstrations:
     rows = 7
-    snapshots = {"physics": torch.randn(rows, 3, dtype=torch.float64), "task": {"phase": torch.arange(rows)}}
+    snapshots = {name: torch.randn(rows, 3, dtype=torch.float64) for name in ("physics", "welds")}
+    snapshots["task"] = {"phase": torch.arange(rows)}
     return Demonstrations(
         task="table_lack",
         subtask=2,
@@ -24,8 +26,8 @@ def demonstrations() -> Demonstrations:
         seeds=torch.tensor([5, 5]),
         lengths=torch.tensor([3, 4]),
         observations=torch.randn(rows, 72),
-        actions=torch.randn(rows, 9),
-        executed=torch.randn(rows, 9),
+        actions=torch.rand(rows, 9) - 0.5,
+        executed=torch.rand(rows, 9) - 0.5,
         success=torch.ones(2, dtype=torch.bool),
         snapshots=TensorDict.from_dict(snapshots, batch_size=[rows]),
     )
@@ -95,17 +97,87 @@ def test_no_file(tmp_path):
         ("actions", None, "field actions is missing"),
         ("observations", np.zeros((7, 71), np.float32), r"field observations has shape \(7, 71\)"),
         ("executed", np.full((7, 9), np.nan, np.float32), "field executed has values that are not finite"),
-        ("lengths", np.array([3, 5]), r"should be \(8, 72\)"),
+        ("observations", np.zeros((7, 37), np.float32), r"\(7, 37\), should be \(7, 37 \+ 7 for each part\)"),
+        ("observations", np.zeros(7, np.float32), r"field observations has shape \(7,\)"),
+        ("actions", np.full((7, 9), 1.5, np.float32), r"field actions has 1\.5; actions are in \[-1, 1\]"),
+        ("executed", np.full((7, 9), -2, np.float32), r"field executed has 2; actions are in \[-1, 1\]"),
+        ("lengths", np.array([3, 5]), r"should be \(8, 37 \+ 7 for each part\)"),
+        ("lengths", np.array([7, 0]), "field lengths must be positive numbers"),
+        ("success", np.array([True, False]), "field success is False in episode 1; all must be successes"),
+        ("success", np.array([1, 1]), "field success has type int64, should be bool"),
         ("seeds", np.array([1.0, 2.0]), "field seeds has type float64"),
-        ("snapshot/physics", np.zeros((6, 3)), "field snapshot/physics"),
+        ("snapshot/physics", np.zeros((6, 3)), "field snapshot/physics has .* rows, should have 7"),
+        (
+            "snapshot/physics",
+            np.full((7, 3), np.nan),
+            "field snapshot/physics has values that are not finite",
+        ),
+        ("snapshot/physics", np.array(["a"] * 7), "field snapshot/physics has type <U1, should be numbers"),
+        ("snapshot/task/phase", np.zeros(()), "field snapshot/task/phase has .* rows"),
+        ("snapshot/welds", None, "field snapshot/welds is missing"),
+        ("header", None, "field header is missing or not JSON"),
         ("header", np.array("{}"), "field format_version is missing"),
-        ("header", np.array("not json"), "field header"),
+        ("header", np.array("not json"), "field header is missing or not JSON"),
+        ("header", np.array("3"), "field header is 3, should be a mapping of task, subtask, kind, arguments"),
+        ("header", np.array(3), "field header is 3, should be a mapping"),
+        ("header", np.array([1, 2]), "field header is missing or not JSON"),
     ],
 )
 def test_what_is_wrong_is_named(path, name, value, message):
-    with np.load(path) as file:
-        arrays = {key: file[key] for key in file.files}
+    arrays = contents(path)
     arrays[name] = value
     np.savez(path, **{key: array for key, array in arrays.items() if array is not None})
-    with pytest.raises(DemonstrationError, match=message):
+    with pytest.raises(DemonstrationError, match=rf"some\.npz: .*{message}"):
         Demonstrations.load(path)
+
+
+def contents(path: Path) -> dict[str, np.ndarray]:
+    with np.load(path) as file:
+        return {key: file[key] for key in file.files}
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"arguments": 3}, "field arguments is 3, should be a mapping of the environment's settings"),
+        ({"arguments": {"task": "chair"}}, "arguments.task is 'chair', but field task is 'table_lack'"),
+        ({"arguments": {"subtask": None}}, "arguments.subtask is None, but field subtask is 2"),
+        (
+            {"author": "me", "age": 3},
+            "field header has age, author; valid: format_version, task, subtask, kind",
+        ),
+        ({"task": 3}, "field task is 3, should be the name of a piece of furniture"),
+        ({"subtask": -1}, r"field subtask is -1, should be null \(all\) or 0, 1"),
+        ({"subtask": "2"}, "field subtask is '2'"),
+        ({"kind": ["plain"]}, r"field kind is \['plain'\]; valid: plain, noisy"),
+        ({"format_version": 2, "new": 1}, "field format_version is 2; this code reads 1"),
+    ],
+)
+def test_what_is_wrong_in_the_header_is_named(path, changed, message):
+    arrays = contents(path)
+    arrays["header"] = np.array(json.dumps(json.loads(str(arrays["header"])) | changed))
+    np.savez(path, **arrays)
+    with pytest.raises(DemonstrationError, match=rf"some\.npz: .*{message}"):
+        Demonstrations.load(path)
+
+
+def test_a_single_array_is_not_a_file_of_demonstrations(tmp_path):
+    with (tmp_path / "some.npz").open("wb") as file:
+        np.save(file, np.zeros(3))
+    with pytest.raises(DemonstrationError, match=r"some\.npz cannot be read \(truncated or not \.npz"):
+        Demonstrations.load(tmp_path / "some.npz")
+
+
+def test_damaged_bytes_name_the_field_or_are_found_in_the_values(path):
+    """One byte flipped at a time: none passes as other demonstrations, and none raises an error of zip or NumPy."""
+    whole, arrays, named = path.read_bytes(), contents(path), 0
+    for place in range(0, len(whole), 17):
+        path.write_bytes(whole[:place] + bytes([whole[place] ^ 0x5A]) + whole[place + 1 :])
+        try:
+            Demonstrations.load(path)
+        except DemonstrationError as error:
+            assert str(path) in str(error)
+            named += "field actions cannot be read" in str(error)
+        else:  # bytes that mean nothing: dates of the archive's members
+            assert all(np.array_equal(contents(path)[name], array) for name, array in arrays.items())
+    assert named

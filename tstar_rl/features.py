@@ -15,6 +15,12 @@ GRIP_POSITION, HAND_QUAT, PARTS = 16, 19, 29  # where they begin in an observati
 NUM_PHASES = 8  # the one-hot phase ends an observation
 FINGERS = 1  # they close along the hand's y axis
 
+
+def observation_size(parts: int) -> int:
+    """Numbers in an observation of furniture of so many parts."""
+    return PARTS + 7 * parts + NUM_PHASES
+
+
 # Row-major rotation matrix of a unit quaternion q = (w, x, y, z) as a linear map of the products q_i q_j.
 _ROTATION = (
     ((("ww", 1), ("xx", 1), ("yy", -1), ("zz", -1)), (("xy", 2), ("wz", -2)), (("xz", 2), ("wy", 2))),
