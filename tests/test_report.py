@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from tstar_rl.report import curve_groups, other_roots, replace_block, results_head, results_page
-from tstar_rl.report_tables import comparison, over_seeds
+from tstar_rl.report_tables import comparison, over_seeds, skills
 
 ROOT = Path(__file__).resolve().parent.parent
 PAPER, NOTES = ROOT / "docs" / "paper_results.yaml", ROOT / "docs" / "results_notes.md"
@@ -47,6 +47,17 @@ def test_bad_runs_and_rows_of_only_one_side_stay():
         "| BC | 0.03 +- 0.00 | - | - | - | - | - | not run |",
         "| T-STAR | 0.90 +- 0.07 | 87% | 0.500 +- 0.707 | 50.0 +- 70.7% | 0.500 | 50.0% | 2 |",
         "| mine | - | - | 0.000 | 0.0% | - | - | 1 |",
+    ]
+
+
+def test_a_skills_steps_are_those_of_its_whole_training():
+    kept = {"prior": 0, "best": 1_000_000, "last": 3_000_000}
+    rows = [evaluation("spirl", 0, 0.5, name, env_steps=steps) for name, steps in kept.items()]
+    rows.append(evaluation("gail_ppo", 0, 0.5, "best", env_steps=1_000_000))
+    table = skills(pd.DataFrame(rows).assign(subtask=2), "table").splitlines()[2:]
+    assert table == [
+        "| gail_ppo, subtask 2 | - | 50.0% | 1.00M | 1 |",
+        "| spirl, subtask 2 | 50.0% | 50.0% | 3.00M | 1 |",
     ]
 
 

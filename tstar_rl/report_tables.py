@@ -163,7 +163,8 @@ def skills(evaluations: pd.DataFrame, task: str) -> str:
     for (system, subtask), part in alone.groupby(["recipe", "subtask"]):
         last, best = (pick(part, str(system), checkpoint) for checkpoint in ("last", "best"))
         row = [over_seeds(one.success, percent=True) for one in (last, best)]
-        steps = f"{part.env_steps.mean() / 1e6:.2f}M"
+        trained = best if last.empty else last  # what else is there was kept on the way, as SPiRL's prior
+        steps = f"{trained.env_steps.mean() / 1e6:.2f}M" if len(trained) else NOTHING
         rows.append([f"{system}, subtask {subtask}", *row, steps, str(part.seed.nunique())])
     return markdown(["skill", "last", "best", "environment steps", "seeds"], rows) if rows else ""
 
