@@ -10,7 +10,7 @@ for `env` and `torchrl_*`, `bare_policy` for `env_policy` and `train`. Where the
 
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -26,6 +26,7 @@ import torch
 from bench_device import device_rows
 from bench_wrapped import wrapped_rate
 from hydra import compose
+from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 from tensordict import TensorDictBase
 from torchrl.envs import Compose
@@ -35,6 +36,7 @@ from tstar_envs.physics.cpu import CpuPhysics
 from tstar_envs.scene import SUBSTEPS
 from tstar_rl.collection import Collection, derive_seed
 from tstar_rl.configuration import environment, new_skill, recipe, settings
+from tstar_rl.csv_tables import append_rows
 from tstar_rl.demonstrate import collect
 from tstar_rl.demonstrations import Demonstrations
 from tstar_rl.skill import Skill
@@ -195,31 +197,31 @@ def main(config: DictConfig) -> None:
         name = f"torchrl_parallel_{workers}" if workers > 1 else "torchrl_one"
         note(**{name: wrapped_rate(config.task.name, workers, bench.worker_steps)})
     rounds.close()
-    write(rates, on_a_gpu(config), Path(config.results_dir) / "bench.csv")
+    path = Path(config.results_dir) / "bench.csv"
+    write(rates, path)
+    for row in on_a_gpu(HydraConfig.get().overrides.task):
+        print(row)
+        append_rows(path, [row], ("measure",))  # at once: the largest number may not fit
+    print(path)
 
 
-def on_a_gpu(config: DictConfig) -> list[dict[str, Any]]:
-    """The rows of a GPU, where there is one."""
-    if not torch.cuda.is_available():
-        print(
-            "No CUDA device here: the rows gpu_* (steps/s against N, training, time split, memory) are left out."
-        )
-        return []
-
-    own, seed = (
-        compose("recipe/bench", ["scale=gpu", f"task={config.task.name}"]),
-        derive_seed(config.seed, "train"),
+def on_a_gpu(given: Sequence[str]) -> Iterator[dict[str, Any]]:
+    """The rows of a GPU, where there is one: at its own scale, with the other values that were given."""
+    own = compose(
+        "recipe/bench", ["scale=gpu", *(value for value in given if not value.startswith("scale="))]
     )
+    if not (torch.cuda.is_available() and own.device.startswith("cuda")):
+        print(
+            "No CUDA device: the rows gpu_* (steps/s against N, training, time split, memory) are left out."
+        )
+        return
+    seed = derive_seed(own.seed, "train")
     skill, expert = warm_started(own, seed)
-
-    def prepare(sized: DictConfig, env) -> Training:
-        return Training(sized, skill, expert, env, seed)
-
-    return device_rows(own, prepare)
+    yield from device_rows(own, lambda sized, env: Training(sized, skill, expert, env, seed))
 
 
-def write(rates: dict[str, list[float]], more: list[dict[str, Any]], path: Path) -> None:
-    """Writes the medians, each with its ratio to the bare simulator under the same policy, and more rows."""
+def write(rates: dict[str, list[float]], path: Path) -> None:
+    """Writes the medians, each with its ratio to the bare simulator under the same policy."""
     middle = {name: median(values) for name, values in rates.items()}
     against = {
         name: "bare_policy" if name.endswith("policy") or name == "train" else "bare" for name in middle
@@ -232,11 +234,9 @@ def write(rates: dict[str, list[float]], more: list[dict[str, Any]], path: Path)
             "ratio_to_bare": [round(rate / middle[against[name]], 3) for name, rate in middle.items()],
         }
     )
-    table = pd.concat([table, pd.DataFrame(more, columns=table.columns)]) if more else table
     path.parent.mkdir(parents=True, exist_ok=True)
     table.to_csv(path, index=False)
     print(table.to_string(index=False))
-    print(path)
 
 
 if __name__ == "__main__":

@@ -6,7 +6,7 @@ start. `gpu_share_*` is what each part of that loop takes of it, at the largest 
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import torch
@@ -19,14 +19,13 @@ from tstar_rl.configuration import environment
 STEPS = "environment steps / s"
 
 
-def device_rows(config: DictConfig, prepare: Callable[[DictConfig, Any], Any]) -> list[dict[str, Any]]:
-    """Rows of bench.csv, for each of bench.device_sizes.
+def device_rows(config: DictConfig, prepare: Callable[[DictConfig, Any], Any]) -> Iterator[dict[str, Any]]:
+    """Rows of bench.csv, for each of bench.device_sizes, each as soon as it is measured.
 
     Args:
         config: of a recipe, with the device to measure and a scale that suits it.
         prepare: a config and an environment -> `bench.Training`, warm started.
     """
-    rows: list[dict[str, Any]] = []
     steps, sizes = config.bench.steps, config.bench.device_sizes
     for number in sizes:
         own = OmegaConf.merge(config, {"training": {"num_envs": number}})
@@ -34,23 +33,22 @@ def device_rows(config: DictConfig, prepare: Callable[[DictConfig, Any], Any]) -
         seed, limit = derive_seed(own.seed, "train"), own.training.max_steps
         env = environment(own, own.subtask, number, seed, max_steps=limit)
         if free is not None:
-            rows.append(
-                _row(f"gpu_memory_{number}", (free - _free(config.device)) / number, "bytes / simulation")
-            )
+            taken = (free - _free(config.device)) / number
+            yield _row(f"gpu_memory_{number}", taken, "bytes / simulation")
         bare = _bare_rate(env, steps)
-        rows.append(_row(f"gpu_bare_{number}", bare, STEPS, 1.0))
+        yield _row(f"gpu_bare_{number}", bare, STEPS, 1.0)
         rate = _environment_rate(env, steps)
-        rows.append(_row(f"gpu_env_{number}", rate, STEPS, rate / bare))
+        yield _row(f"gpu_env_{number}", rate, STEPS, rate / bare)
         training = prepare(own, env)
         _parts(training, 1)  # compiles, and lets the simulations drift apart
         seconds = _parts(training, config.bench.updates)
         rate = config.bench.updates * number * own.training.horizon / sum(seconds.values())
-        rows.append(_row(f"gpu_train_{number}", rate, STEPS, rate / bare))
+        yield _row(f"gpu_train_{number}", rate, STEPS, rate / bare)
         if number == sizes[-1]:
             whole = sum(seconds.values())
-            rows += [_row(f"gpu_share_{name}", part / whole, "of training") for name, part in seconds.items()]
+            for name, part in seconds.items():
+                yield _row(f"gpu_share_{name}", part / whole, "of training")
         training.collection.close()
-    return rows
 
 
 def _row(measure: str, value: float, unit: str, ratio: float = float("nan")) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+import torch
 from hydra import compose, initialize_config_dir
 
 from tstar_rl.configuration import CONFIGS
@@ -35,3 +36,29 @@ def test_every_size_has_its_rows_and_the_shares_are_of_one_whole(monkeypatch):
         assert rows[f"gpu_bare_{n}"]["ratio_to_bare"] == 1.0
         ratio = rows[f"gpu_env_{n}"]["value"] / rows[f"gpu_bare_{n}"]["value"]
         assert rows[f"gpu_env_{n}"]["ratio_to_bare"] == pytest.approx(ratio, abs=0.01)
+
+
+def test_what_was_given_is_measured_and_every_row_is_there_at_once(monkeypatch):
+    """A scale that was given is the processor's; the rest holds for the GPU too."""
+    monkeypatch.syspath_prepend(RECIPES)
+    import bench
+
+    measured = []
+
+    def too_large(config, prepare):
+        measured.append(config)
+        yield {"measure": "gpu_bare_2", "value": 1.0}
+        raise torch.OutOfMemoryError
+
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
+    monkeypatch.setattr(bench, "warm_started", lambda config, seed: (None, None))
+    monkeypatch.setattr(bench, "device_rows", too_large)
+    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
+        rows = bench.on_a_gpu(["scale=laptop", "bench.device_sizes=[2]", "seed=3", "ppo.compile=default"])
+        assert next(rows)["measure"] == "gpu_bare_2"
+        (config,) = measured
+        assert (config.bench.device_sizes, config.seed, config.ppo.compile) == ([2], 3, "default")
+        assert config.device == "cuda" and config.f_phi.minibatch == 2048  # of scale=gpu
+        with pytest.raises(torch.OutOfMemoryError):
+            next(rows)
+        assert list(bench.on_a_gpu(["device=cpu"])) == []
