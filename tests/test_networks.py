@@ -33,7 +33,7 @@ def test_running_statistics_equal_those_of_all_rows():
 @pytest.mark.parametrize("std", ["state", "fixed"])
 def test_policy_samples_and_is_deterministic_when_asked(std):
     features = RelativeFeatures(description())
-    policy = networks.make_policy(std=std, action_std=0.2, normalizer=Normalizer(), features=features)
+    policy = networks.make_policy(72, std=std, action_std=0.2, normalizer=Normalizer(72), features=features)
     batch = TensorDict({"observation": torch.randn(500, 72)}, [500])
     out = policy(batch.clone())
     assert_close((out["action"] - out["loc"]).std(), torch.tensor(0.2), atol=0.03, rtol=0)
@@ -45,8 +45,8 @@ def test_policy_samples_and_is_deterministic_when_asked(std):
 
 
 def test_action_std_is_set_in_place_where_a_loss_sees_it():
-    policy = networks.make_policy(std="fixed", action_std=[0.1] * 9)
-    loss = ClipPPOLoss(policy, networks.make_value())
+    policy = networks.make_policy(72, std="fixed", action_std=[0.1] * 9)
+    loss = ClipPPOLoss(policy, networks.make_value(72))
     batch = policy(TensorDict({"observation": torch.randn(16, 72)}, [16])).detach()
     batch.update({"advantage": torch.ones(16, 1), "value_target": torch.zeros(16, 1)})
     kept = batch["scale"].clone()
@@ -58,18 +58,18 @@ def test_action_std_is_set_in_place_where_a_loss_sees_it():
     with pytest.raises(ValueError, match="one positive number or 9"):
         networks.set_action_std(policy, [0.1, 0.2])
     with pytest.raises(ValueError, match="std='state'"):
-        networks.set_action_std(networks.make_policy(), 0.1)
+        networks.set_action_std(networks.make_policy(72), 0.1)
 
 
 def test_value_and_discriminator_shapes():
     batch = TensorDict({"observation": torch.randn(4, 5, 72)}, [4, 5])
-    assert networks.make_value()(batch)["state_value"].shape == (4, 5, 1)
-    assert networks.make_discriminator(normalizer=Normalizer())(batch["observation"]).shape == (4, 5, 1)
+    assert networks.make_value(72)(batch)["state_value"].shape == (4, 5, 1)
+    assert networks.make_discriminator(72, normalizer=Normalizer(72))(batch["observation"]).shape == (4, 5, 1)
 
 
 def test_the_encoder_of_policy_and_value_can_be_computed_once():
-    shared = {"normalizer": Normalizer(), "features": RelativeFeatures(description())}
-    policy, value = networks.make_policy(**shared), networks.make_value(**shared)
+    shared = {"normalizer": Normalizer(72), "features": RelativeFeatures(description())}
+    policy, value = networks.make_policy(72, **shared), networks.make_value(72, **shared)
     shared["normalizer"].fit(torch.randn(50, 72))
     encoder, actor, critic = networks.split_encoder(policy, value)
     batch = TensorDict({"observation": torch.randn(6, 72)}, [6])

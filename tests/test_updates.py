@@ -131,7 +131,7 @@ def test_cloning_reproduces_a_linear_expert():
 @pytest.mark.parametrize("make_update", [make_f_phi_update, make_d_omega_update])
 def test_discriminators_learn_to_tell_apart(make_update):
     torch.manual_seed(0)
-    network = make_discriminator(hidden=(32,))
+    network = make_discriminator(72, hidden=(32,))
     update = make_update(network, DiscriminatorSettings(learning_rate=1e-2, gradient_penalty=0.0))
     positive, negative = torch.randn(200, 72) + 1, torch.randn(200, 72) - 1
     update(positive, negative)
@@ -139,7 +139,7 @@ def test_discriminators_learn_to_tell_apart(make_update):
 
 
 def test_an_empty_set_is_no_update():
-    network = make_discriminator()
+    network = make_discriminator(72)
     before = state_of(network)
     assert make_d_omega_update(network, DiscriminatorSettings())(torch.zeros(0, 72), torch.zeros(3, 72)) == {}
     assert same(before, state_of(network))

@@ -67,8 +67,8 @@ class ChainPolicy(TensorDictModuleBase):
 
 
 def states(state_set: StateSet) -> Tensor:
-    """The observations in a set, (n, 72); n may be 0."""
-    return state_set.buffer[:]["observation"] if len(state_set) else torch.zeros(0, 72)
+    """The observations in a set, (n, O); (0, 1) from an empty one, which knows none."""
+    return state_set.buffer[:]["observation"] if len(state_set) else torch.zeros(0, 1)
 
 
 def terminal_poses(rollout: TensorDictBase, number: int) -> Tensor:

@@ -153,6 +153,8 @@ def chain_trial_environment(config: DictConfig) -> Any:
 
 def new_skill(config: DictConfig, subtask: int | None) -> Skill:
     """An untrained skill, its weights drawn with the run's seed."""
+    from tstar_rl.furniture_env import observation_dim
+
     networks = settings(NetworkSettings, config.networks)
     features = None
     if networks.features:
@@ -162,11 +164,15 @@ def new_skill(config: DictConfig, subtask: int | None) -> Skill:
             )
         features = environment(config, subtask, 1, 0).base_env.features(subtask)
     torch.manual_seed(derive_seed(config.seed, "networks", subtask))
-    return Skill(config.task.name, subtask, networks, features, config.chain.capacity).to(config.device)
+    name, capacity = config.task.name, config.chain.capacity
+    skill = Skill(name, subtask, networks, features, capacity, observation_dim(name))
+    return skill.to(config.device)
 
 
 def new_skill_agent(config: DictConfig, subtask: int | None) -> SkillAgent:
     """An untrained agent of SPiRL, its weights drawn with the run's seed."""
+    from tstar_rl.furniture_env import observation_dim
+
     geometry = None
     if config.networks.features:
         if subtask is None:
@@ -174,7 +180,8 @@ def new_skill_agent(config: DictConfig, subtask: int | None) -> SkillAgent:
         geometry = environment(config, subtask, 1, 0).base_env.features(subtask)
     torch.manual_seed(derive_seed(config.seed, "networks", subtask))
     model = settings(SkillModelSettings, config.spirl.model)
-    return SkillAgent(config.task.name, subtask, model, tuple(config.spirl.critic_hidden), geometry)
+    name, hidden = config.task.name, tuple(config.spirl.critic_hidden)
+    return SkillAgent(name, subtask, model, hidden, geometry, observation_dim(name))
 
 
 def demonstrations_path(config: DictConfig, subtask: int | None, kind: str) -> Path:
@@ -191,12 +198,12 @@ def demonstrations_path(config: DictConfig, subtask: int | None, kind: str) -> P
 
 def load_demonstrations(config: DictConfig, subtask: int | None) -> Demonstrations:
     """Those that the config's recipe learns from. A setting that their file does not name had its default."""
-    from tstar_rl.furniture_env import default_settings
+    from tstar_rl.furniture_env import DEFAULT_SETTINGS
 
     path = demonstrations_path(config, subtask, config.demonstrations.kind)
     found = Demonstrations.load(path, config.task.name, subtask)
     wanted = {k: v for k, v in plain(config.env).items() if k not in config.demonstrations.may_differ}
-    saved = default_settings() | found.arguments
+    saved = DEFAULT_SETTINGS | found.arguments
     wrong = differences({name: saved.get(name) for name in wanted}, wanted)
     if wrong:
         raise DemonstrationError(f"{path}: field arguments: {'; '.join(wrong)}; delete it to make it again")

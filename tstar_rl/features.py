@@ -21,6 +21,10 @@ def observation_size(parts: int) -> int:
     return PARTS + 7 * parts + NUM_PHASES
 
 
+FIVE_PARTS = observation_size(5)
+"""O of furniture of five parts, which is what skills are of that do not say."""
+
+
 # Row-major rotation matrix of a unit quaternion q = (w, x, y, z) as a linear map of the products q_i q_j.
 _ROTATION = (
     ((("ww", 1), ("xx", 1), ("yy", -1), ("zz", -1)), (("xy", 2), ("wz", -2)), (("xz", 2), ("wy", 2))),
@@ -46,7 +50,7 @@ def _frame(pose: Tensor, table: Tensor) -> tuple[Tensor, Tensor]:
 
 
 class RelativeFeatures(nn.Module):
-    """The geometry of one subtask as numbers of order one: observation (..., 72) -> (..., out_dim).
+    """The geometry of one subtask as numbers of order one: observation (..., O) -> (..., out_dim).
 
     In order, with e_grasp = grip site - grasp point and e_connect = moving connector - target connector:
 
@@ -132,7 +136,7 @@ class RelativeFeatures(nn.Module):
         return table
 
     def forward(self, obs: Tensor) -> Tensor:
-        """obs: (..., 72) -> (..., out_dim)."""
+        """obs: (..., O) -> (..., out_dim)."""
         quats = obs[..., self.quats]
         products = (quats.unsqueeze(-1) * quats.unsqueeze(-2)).flatten(-3)
         linear = torch.cat((products, obs[..., self.points]), -1) @ self.table

@@ -20,8 +20,11 @@ from tstar_envs.furniture import library
 from tstar_envs.settings import TaskSettings
 from tstar_envs.tasks.actions import NUM_ACTIONS
 from tstar_envs.tasks.phase_reward import PHASES
+from tstar_rl.features import observation_size
 from tstar_rl.specs import spec_of
 
+DEFAULT_SETTINGS: dict[str, Any] = asdict(TaskSettings())
+"""The settings of a task by name, where nothing is said about them."""
 _DONE_KEYS = ("done", "terminated", "truncated")
 
 
@@ -32,16 +35,16 @@ def check_task(name: str, subtasks: int, settings: Mapping[str, Any]) -> None:
         raise ValueError(f"task.subtasks of {name} must be {steps}, the steps of its recipe, got {subtasks}")
 
 
-def default_settings() -> dict[str, Any]:
-    """The settings of a task by name, where nothing is said about them."""
-    return asdict(TaskSettings())
+def observation_dim(task: str) -> int:
+    """Numbers in an observation of a task."""
+    return observation_size(len(library.load(task).parts))
 
 
 class FurnitureEnv(EnvBase):
     """N simulations of an assembly task, batch size [N].
 
     Reads `action` (N, 9) in [-1, 1] (clipped): seven joint velocities, gripper, connect. Writes `observation`
-    (N, 72), `subtask`, `phase`, `completed` (N, 1) int64, `success` (N, 1) bool, the done flags, and, as its reward
+    (N, O), `subtask`, `phase`, `completed` (N, 1) int64, `success` (N, 1) bool, the done flags, and, as its reward
     key, the unscaled `reward_env` (N, 1). With `snapshots=True` also `snapshot`, from which the simulations restart.
     The success row of a subtask holds the state in which the next subtask begins.
 
@@ -225,8 +228,7 @@ class FurnitureEnv(EnvBase):
         terminated, truncated = self.world.task.get_termination(self.world.state)
         out = self._observe()
         out.set("reward_env", self.world.task.get_reward(self.world.state).float().unsqueeze(-1))
-        out.set("terminated", terminated.unsqueeze(-1))
-        out.set("truncated", truncated.unsqueeze(-1))
+        out.set("terminated", terminated.unsqueeze(-1)).set("truncated", truncated.unsqueeze(-1))
         return out.set("done", (terminated | truncated).unsqueeze(-1))
 
     def _observe(self) -> TensorDict:

@@ -1,6 +1,6 @@
 """The networks: policy, value, the discriminators f_phi and d_omega, and what their inputs pass through.
 
-All of them read "observation" (..., 72) as the environment gives it. An optional `Normalizer` and optional
+All of them read "observation" (..., obs_dim) as the environment gives it. An optional `Normalizer` and optional
 `RelativeFeatures` are part of a network, so that a saved network needs nothing beside it.
 """
 
@@ -95,7 +95,7 @@ class GaussianHead(nn.Module):
 
 
 def make_policy(
-    obs_dim: int = 72,
+    obs_dim: int,
     action_dim: int = 9,
     hidden: Sequence[int] = (128, 256),
     activation: type[nn.Module] = nn.ReLU,
@@ -112,7 +112,7 @@ def make_policy(
     Source: sizes and nonlinearity from the paper's appendix B.
     """
     head = GaussianHead(action_dim, std, action_std)
-    state_input = StateInput(normalizer, features, obs_dim)
+    state_input = StateInput(obs_dim, normalizer, features)
     mlp = _mlp(state_input.out_dim, head.in_dim, hidden, activation, out_gain=0.01)
     body = TensorDictModule(nn.Sequential(mlp, head), in_keys=["encoded"], out_keys=["loc", "scale"])
     module = TensorDictSequential(_encoder(state_input), body, selected_out_keys=["loc", "scale"])
@@ -152,7 +152,7 @@ def action_std(policy: nn.Module) -> Tensor:
 
 
 def make_value(
-    obs_dim: int = 72,
+    obs_dim: int,
     hidden: Sequence[int] = (128, 256),
     activation: type[nn.Module] = nn.ReLU,
     normalizer: Normalizer | None = None,
@@ -162,7 +162,7 @@ def make_value(
 
     Source: the paper's appendix B.
     """
-    state_input = StateInput(normalizer, features, obs_dim)
+    state_input = StateInput(obs_dim, normalizer, features)
     mlp = _mlp(state_input.out_dim, 1, hidden, activation, out_gain=1.0)
     body = ValueOperator(mlp, in_keys=["encoded"])
     return TensorDictSequential(_encoder(state_input), body, selected_out_keys=["state_value"])
@@ -212,7 +212,7 @@ class Discriminator(nn.Module):
 
 
 def make_discriminator(
-    obs_dim: int = 72,
+    obs_dim: int,
     hidden: Sequence[int] = (256, 256),
     activation: type[nn.Module] = nn.Tanh,
     normalizer: Normalizer | None = None,

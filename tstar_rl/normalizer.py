@@ -22,7 +22,7 @@ class Normalizer(nn.Module):
     var: Tensor
     count: Tensor
 
-    def __init__(self, obs_dim: int = 72, clip: float = 10.0) -> None:
+    def __init__(self, obs_dim: int, clip: float = 10.0) -> None:
         super().__init__()
         self.clip = clip
         self.register_buffer("loc", torch.zeros(obs_dim))
@@ -36,14 +36,23 @@ class Normalizer(nn.Module):
 
     @torch.no_grad()
     def fit(self, obs: Tensor, floor: float = 0.02) -> None:
-        """Sets the statistics to those of obs (..., obs_dim), forgetting what was there."""
+        """Sets the statistics to those of obs (..., obs_dim), forgetting what was there; raises what `update` does."""
         self.count.zero_()
         self.update(obs, floor)
 
     @torch.no_grad()
     def update(self, obs: Tensor, floor: float = 0.02) -> None:
-        """Adds obs (..., obs_dim) to the running statistics, in place (Chan's parallel form of Welford's)."""
-        rows = obs.reshape(-1, self.loc.shape[-1]).to(self.loc)
+        """Adds obs (..., obs_dim) to the running statistics, in place (Chan's parallel form of Welford's).
+
+        Raises:
+            ValueError: if the observations are of another size.
+        """
+        if obs.shape[-1] != len(self.loc):
+            raise ValueError(
+                f"observations of {len(self.loc)} numbers are normalised here, got {obs.shape[-1]}: are they of "
+                "furniture with another number of parts?"
+            )
+        rows = obs.reshape(-1, len(self.loc)).to(self.loc)
         if rows.shape[0] == 0:
             return
         total = self.count + rows.shape[0]

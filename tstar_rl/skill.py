@@ -8,7 +8,7 @@ import torch
 from torch import nn
 
 from tstar_rl import checkpoint
-from tstar_rl.features import RelativeFeatures
+from tstar_rl.features import FIVE_PARTS, RelativeFeatures
 from tstar_rl.networks import make_discriminator, make_policy, make_value
 from tstar_rl.normalizer import Normalizer
 from tstar_rl.state_sets import InitiationSet, TerminationSet
@@ -21,7 +21,7 @@ ACTIVATIONS = {"relu": nn.ReLU, "tanh": nn.Tanh}
 
 @dataclass(frozen=True)
 class NetworkSettings:
-    """Source: the paper's appendix for the defaults; without features it sees the 72 numbers alone."""
+    """Source: the paper's appendix for the defaults; without features it sees the observation alone."""
 
     hidden: tuple[int, ...] = (128, 256)
     activation: str = "relu"
@@ -49,6 +49,7 @@ class Skill:
         settings: sizes of the networks.
         features: what `FurnitureEnv.features(subtask)` gives, if the settings ask for features.
         capacity: of the two sets.
+        obs_dim: numbers in an observation of the task, `features.observation_size` of its parts.
     """
 
     def __init__(
@@ -58,14 +59,16 @@ class Skill:
         settings: NetworkSettings,
         features: dict[str, Any] | None = None,
         capacity: int = 4096,
+        obs_dim: int = FIVE_PARTS,
     ) -> None:
         if settings.features and features is None:
             raise ValueError("the settings ask for features, but no geometry was given for them")
-        self.task, self.subtask, self.settings = task, subtask, settings
+        self.task, self.subtask, self.settings, self.obs_dim = task, subtask, settings, obs_dim
         self.geometry = features if settings.features else None
         relative = RelativeFeatures(self.geometry) if self.geometry is not None else None
-        self.normalizer = Normalizer()
+        self.normalizer = Normalizer(obs_dim)
         shared: dict[str, Any] = {
+            "obs_dim": obs_dim,
             "hidden": settings.hidden,
             "activation": ACTIVATIONS[settings.activation],
             "normalizer": self.normalizer,
@@ -79,7 +82,7 @@ class Skill:
             ACTIVATIONS[settings.discriminator_activation],
         )
         self.f_phi, self.d_omega = (
-            make_discriminator(hidden=hidden, activation=activation, normalizer=self.normalizer)
+            make_discriminator(obs_dim, hidden=hidden, activation=activation, normalizer=self.normalizer)
             for _ in range(2)
         )
         self.return_scale = ReturnScale()
@@ -130,7 +133,7 @@ class Skill:
     def save(self, path: str | Path, **record: Any) -> None:
         """Writes the skill, and beside it plain values that say what it is."""
         built = {"settings": asdict(self.settings), "geometry": checkpoint.to_plain(self.geometry)}
-        built["capacity"] = self.initiation_set.capacity
+        built |= {"capacity": self.initiation_set.capacity, "obs_dim": self.obs_dim}
         record = {"task": self.task, "subtask": self.subtask, "built": built, **record}
         checkpoint.save(path, {"skill": self}, record)
 
@@ -150,6 +153,7 @@ class Skill:
             NetworkSettings(**checkpoint.to_tuples(built["settings"])),
             checkpoint.to_tensors(built["geometry"]),
             built["capacity"],
+            built.get("obs_dim", FIVE_PARTS),
         )
         checkpoint.load(path, {"skill": skill}, **expected)
         return skill

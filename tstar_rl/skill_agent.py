@@ -11,7 +11,7 @@ from torch import nn
 from torchrl.modules import ProbabilisticActor
 
 from tstar_rl import checkpoint
-from tstar_rl.features import RelativeFeatures
+from tstar_rl.features import FIVE_PARTS, RelativeFeatures
 from tstar_rl.normalizer import Normalizer
 from tstar_rl.skill import Skill
 from tstar_rl.skill_prior import (
@@ -62,6 +62,7 @@ class SkillAgent:
         settings: of the skill model.
         critic_hidden: sizes of the critic.
         geometry: what `FurnitureEnv.features(subtask)` gives, if the networks are to see `RelativeFeatures`.
+        obs_dim: numbers in an observation of the task, `features.observation_size` of its parts.
     """
 
     def __init__(
@@ -71,11 +72,13 @@ class SkillAgent:
         settings: SkillModelSettings,
         critic_hidden: tuple[int, ...] = (256, 256),
         geometry: dict[str, Any] | None = None,
+        obs_dim: int = FIVE_PARTS,
     ) -> None:
         self.task, self.subtask, self.settings = task, subtask, settings
-        self.critic_hidden, self.geometry = critic_hidden, geometry
-        self.normalizer = Normalizer()
-        state = StateInput(self.normalizer, RelativeFeatures(geometry) if geometry is not None else None)
+        self.critic_hidden, self.geometry, self.obs_dim = critic_hidden, geometry, obs_dim
+        self.normalizer = Normalizer(obs_dim)
+        features = RelativeFeatures(geometry) if geometry is not None else None
+        state = StateInput(obs_dim, self.normalizer, features)
         self.model = SkillModel(settings, state)
         self.network = SkillPrior(settings, state)
         self.actor = make_skill_actor(self.network)
@@ -103,6 +106,7 @@ class SkillAgent:
             "settings": asdict(self.settings),
             "critic_hidden": list(self.critic_hidden),
             "geometry": checkpoint.to_plain(self.geometry),
+            "obs_dim": self.obs_dim,
         }
         record = {"task": self.task, "subtask": self.subtask, "built": built, **record}
         checkpoint.save(path, {"agent": self}, record)
@@ -123,6 +127,7 @@ class SkillAgent:
             SkillModelSettings(**checkpoint.to_tuples(built["settings"])),
             tuple(built["critic_hidden"]),
             checkpoint.to_tensors(built["geometry"]),
+            built.get("obs_dim", FIVE_PARTS),
         )
         checkpoint.load(path, {"agent": agent}, **expected)
         return agent

@@ -25,7 +25,7 @@ __all__ = [
     "make_skill_critic",
 ]
 
-OBSERVATION, ACTION = 72, 9
+ACTION = 9
 
 
 @dataclass(frozen=True)
@@ -76,12 +76,12 @@ class OpenLoopDecoder(nn.Module):
         self.head = nn.Linear(settings.recurrent_size, ACTION)
 
     def decode(self, skill: Tensor, observations: Tensor) -> Tensor:
-        """skill: (B, Z), observations: (B, H, 72), not read -> (B, H, 9)."""
+        """skill: (B, Z), observations: (B, H, O), not read -> (B, H, 9)."""
         outputs, _ = self.recurrent(skill.unsqueeze(-2).expand(-1, self.horizon, -1))
         return self.head(outputs)
 
     def forward(self, skill: Tensor, observation: Tensor, step: Tensor) -> Tensor:
-        """skill: (..., Z), observation: (..., 72), step: (...) in 0 .. H-1 -> the skill's action there, (..., 9)."""
+        """skill: (..., Z), observation: (..., O), step: (...) in 0 .. H-1 -> the skill's action there, (..., 9)."""
         actions = self.decode(skill.reshape(-1, skill.shape[-1]), observation)
         return actions[torch.arange(len(actions), device=actions.device), step.reshape(-1)].reshape(
             *step.shape, ACTION
@@ -102,12 +102,12 @@ class ClosedLoopDecoder(nn.Module):
         )
 
     def decode(self, skill: Tensor, observations: Tensor) -> Tensor:
-        """skill: (B, Z), observations: (B, H, 72) -> (B, H, 9)."""
+        """skill: (B, Z), observations: (B, H, O) -> (B, H, 9)."""
         skills = skill.unsqueeze(-2).expand(-1, observations.shape[-2], -1)
         return self.mlp(torch.cat((self.state(observations), skills), -1))
 
     def forward(self, skill: Tensor, observation: Tensor, step: Tensor) -> Tensor:
-        """skill: (..., Z), observation: (..., 72), step: (...), not read -> (..., 9)."""
+        """skill: (..., Z), observation: (..., O), step: (...), not read -> (..., 9)."""
         return self.mlp(torch.cat((self.state(observation), skill), -1))
 
 
@@ -125,7 +125,7 @@ class SkillPrior(nn.Module):
         )
 
     def forward(self, obs: Tensor) -> tuple[Tensor, Tensor]:
-        """obs: (..., 72) -> loc (..., Z), scale (..., Z)."""
+        """obs: (..., O) -> loc (..., Z), scale (..., Z)."""
         return split_gaussian(self.mlp(self.state(obs)))
 
 
@@ -143,7 +143,7 @@ class SkillCritic(nn.Module):
         )
 
     def forward(self, obs: Tensor, skill: Tensor) -> Tensor:
-        """obs: (..., 72), skill: (..., Z) -> (..., 1)."""
+        """obs: (..., O), skill: (..., Z) -> (..., 1)."""
         return self.mlp(torch.cat((self.state(obs), skill), -1))
 
 

@@ -13,16 +13,16 @@ class StateInput(nn.Module):
     """An observation normalised, and beside it the features if there are any. It has no trained parameters.
 
     Args:
+        obs_dim: numbers in an observation.
         normalizer: None passes observations through.
         features: of one subtask.
-        obs_dim: numbers in an observation.
     """
 
     def __init__(
         self,
+        obs_dim: int,
         normalizer: Normalizer | None = None,
         features: RelativeFeatures | None = None,
-        obs_dim: int = 72,
     ) -> None:
         super().__init__()
         self.normalizer = normalizer if normalizer is not None else nn.Identity()

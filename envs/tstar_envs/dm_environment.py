@@ -25,7 +25,7 @@ _INDICES = ("subtask", "phase", "completed")
 class DmEnvironment(dm_env.Environment):
     """An assembly task with numpy arrays in and out, float64.
 
-    The observation is a dict: `observation` (72,), and `subtask`, `phase` and `completed` as integers. The discount
+    The observation is a dict: `observation` (O,), and `subtask`, `phase` and `completed` as integers. The discount
     is 0 where the task ended (success or failure) and 1 otherwise, also where the time limit cut the episode.
     From the same snapshot, the same actions give the same bits as in the batched environment.
     """

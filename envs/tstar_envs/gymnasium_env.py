@@ -43,7 +43,7 @@ def register() -> None:
 class GymnasiumEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     """An assembly task with numpy arrays in and out.
 
-    Observation (72,) and action (9,) are float32, actions are clipped to [-1, 1]. An episode is terminated by success
+    Observation (O,) and action (9,) are float32, actions are clipped to [-1, 1]. An episode is terminated by success
     or failure and truncated by the task's own limit (`max_steps` of the settings): no `TimeLimit` is needed. `info`
     has `success` (bool), `subtask`, `phase` and `completed` (int). From the same snapshot, the same actions give the
     same numbers as in the other fronts. `reset(seed=...)` seeds the start noise;

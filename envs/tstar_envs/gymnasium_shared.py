@@ -56,7 +56,7 @@ class Camera:
 
 
 def spaces(world: BatchedEnvironment) -> tuple[Box, Box]:
-    """Observation space (72,) and action space (9,) of one simulation, float32.
+    """Observation space (O,) and action space (9,) of one simulation, float32.
 
     Quaternions and the phase are bounded by nature. The other bounds are where MuJoCo gives up on a simulation.
     """

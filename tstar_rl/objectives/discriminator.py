@@ -28,7 +28,7 @@ class GAILDiscriminatorLoss(LossModule):
 
     @dataclass
     class _AcceptedKeys:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Keys of the input: both (batch, 72)."""
+        """Keys of the input: both (batch, O)."""
 
         observation: NestedKey = "observation"
         expert_observation: NestedKey = "expert_observation"
@@ -53,7 +53,7 @@ class GAILDiscriminatorLoss(LossModule):
         pass
 
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
-        """tensordict: "observation" and "expert_observation" (batch, 72) -> losses and mean scores, scalars."""
+        """tensordict: "observation" and "expert_observation" (batch, O) -> losses and mean scores, scalars."""
         expert = self.network.normalize(tensordict.get(self.tensor_keys.expert_observation)).detach()
         f_agent = self.network(tensordict.get(self.tensor_keys.observation))
         f_expert, penalty = score_and_penalty(self.network, expert, self.gradient_penalty_weight)

@@ -26,7 +26,7 @@ class InitiationSetLoss(LossModule):
 
     @dataclass
     class _AcceptedKeys:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Keys of the input: both (batch, 72)."""
+        """Keys of the input: both (batch, O)."""
 
         initiation_observation: NestedKey = "initiation_observation"
         termination_observation: NestedKey = "termination_observation"
@@ -51,7 +51,7 @@ class InitiationSetLoss(LossModule):
         pass
 
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
-        """tensordict: "initiation_observation", "termination_observation" (batch, 72) -> losses and mean scores."""
+        """tensordict: "initiation_observation", "termination_observation" (batch, O) -> losses and mean scores."""
         initiation = self.network.normalize(tensordict.get(self.tensor_keys.initiation_observation)).detach()
         d_termination = self.network(tensordict.get(self.tensor_keys.termination_observation))
         d_initiation, penalty = score_and_penalty(self.network, initiation, self.gradient_penalty_weight)

@@ -19,7 +19,7 @@ class PriorRegularisedSACLoss(SACLoss):
     Args:
         actor: pi, a diagonal Gaussian that writes "loc" and "scale".
         critic: Q.
-        prior: p, observation (..., 72) -> loc, scale (..., Z). It is only read.
+        prior: p, observation (..., O) -> loc, scale (..., Z). It is only read.
         target_divergence: that alpha is tuned to.
         alpha: at the start.
 

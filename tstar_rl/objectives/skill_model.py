@@ -30,7 +30,7 @@ class SkillModelLoss(LossModule):
 
     @dataclass
     class _AcceptedKeys:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Keys of the input: (batch, H, 9) and (batch, H, 72)."""
+        """Keys of the input: (batch, H, 9) and (batch, H, O)."""
 
         action: NestedKey = "action"
         observation: NestedKey = "observation"

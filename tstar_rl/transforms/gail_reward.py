@@ -11,7 +11,7 @@ class GAILReward(RewardTransform):
     """("next", "reward_gail"): `equations.gail_reward` of f_phi's score of a state. Only reads f_phi.
 
     Args:
-        f_phi: (..., 72) -> (..., 1), raw.
+        f_phi: (..., O) -> (..., 1), raw.
         state: "current" scores s ("observation": the paper's r(s_t)), "next" scores s'.
 
     Raises:

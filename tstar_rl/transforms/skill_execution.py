@@ -24,7 +24,7 @@ class SkillExecution(Transform):
     each state, and leaves it to an environment that steps as a batch to stand still where it has ended.
 
     Args:
-        decoder: skill (..., Z), observation (..., 72), step (...) int64 -> action (..., A).
+        decoder: skill (..., Z), observation (..., O), step (...) int64 -> action (..., A).
         latent: Z.
         horizon: H.
         skill_key: where the policy writes z.

@@ -35,7 +35,7 @@ class TerminalStateReward(RewardTransform):
     """("next", "reward_tsr"): how well the next skill could start where this one succeeded; 0 on other steps.
 
     Args:
-        d_omega: of the *next* skill, (..., 72) -> (..., 1), raw. Only read.
+        d_omega: of the *next* skill, (..., O) -> (..., 1), raw. Only read.
         score: "terminal" scores the state reached, s_T, which the next skill starts from (the paper);
             "before" the state in which the last action was taken.
         baseline: "none" (the paper), or "running_mean" to subtract the mean score of past successes, so that only what

@@ -30,7 +30,7 @@ def behaviour_cloning(
     settings: BehaviourCloningSettings,
     seed: int = 0,
 ) -> dict[str, float]:
-    """Fits the policy's mean to actions (n, 9) at observations (n, 72) by least squares; logs the last epoch's loss."""
+    """Fits the policy's mean to actions (n, 9) at observations (n, O) by least squares; logs the last epoch's loss."""
     device = observations.device
     generator = torch.Generator(device).manual_seed(seed)
     optimizer = torch.optim.Adam(policy.parameters(), settings.learning_rate)

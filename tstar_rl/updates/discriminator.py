@@ -59,7 +59,7 @@ class DiscriminatorUpdate:
         self.generator = torch.Generator(self.device).manual_seed(self.seed)
 
     def __call__(self, positive: Tensor, negative: Tensor) -> dict[str, float]:
-        """positive: (..., 72), negative: (..., 72) -> mean loss and scores; nothing if either is empty."""
+        """positive: (..., O), negative: (..., O) -> mean loss and scores; nothing if either is empty."""
         sets = [rows.reshape(-1, rows.shape[-1]) for rows in (positive, negative)]
         if not all(len(rows) for rows in sets):
             return {}

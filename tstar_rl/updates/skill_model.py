@@ -37,13 +37,13 @@ def windows(
     """Every window of `horizon` steps inside an episode.
 
     Args:
-        observations: (S, 72), actions: (S, 9), episodes laid end to end.
+        observations: (S, O), actions: (S, 9), episodes laid end to end.
         lengths: (E,), of the episodes; S is their sum.
         horizon: H.
         pad: also windows that reach past the end of an episode: they repeat its last step.
 
     Returns:
-        {"observation": (W, H, 72), "action": (W, H, 9)}, batch [W].
+        {"observation": (W, H, O), "action": (W, H, 9)}, batch [W].
 
     Raises:
         ValueError: if no episode is long enough.
