@@ -18,6 +18,7 @@ def main(config: DictConfig) -> None:
     """Plays, writes and draws."""
     place = (config.task.name, "spirl", config.seed, config.subtask)
     agent = SkillAgent.load(run_path(config.runs_dir, *place) / config.checkpoint, task=config.task.name)
+    agent.to(config.device)
     expert = load_demonstrations(config, config.subtask)
     rows = moments(expert, config.states, agent.settings.horizon)
     seed = derive_seed(config.seed, "evaluate", config.subtask)

@@ -33,9 +33,9 @@ from tstar_rl.updates.skill_policy import TRANSITION
 def main(config: DictConfig) -> None:
     """Skills and their prior from demonstrations, then a policy over skills by prior-regularised actor-critic."""
     spirl, total = config.spirl, config.spirl.total_steps
-    if config.collection.backend != "local" or config.device != "cpu":
+    if config.collection.backend != "local":
         raise ValueError(
-            "spirl.py runs with collection.backend=local and device=cpu: its decoder acts inside the env"
+            "spirl.py runs with collection.backend=local: its decoder acts inside the environment"
         )
     run = Run(plain(config), config.subtask, total)
     # Nothing depends on the total, so a run may be resumed with a larger one.

@@ -181,7 +181,7 @@ def new_skill_agent(config: DictConfig, subtask: int | None) -> SkillAgent:
     torch.manual_seed(derive_seed(config.seed, "networks", subtask))
     model = settings(SkillModelSettings, config.spirl.model)
     name, hidden = config.task.name, tuple(config.spirl.critic_hidden)
-    return SkillAgent(name, subtask, model, hidden, geometry, observation_dim(name))
+    return SkillAgent(name, subtask, model, hidden, geometry, observation_dim(name)).to(config.device)
 
 
 def demonstrations_path(config: DictConfig, subtask: int | None, kind: str) -> Path:

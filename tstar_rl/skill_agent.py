@@ -56,6 +56,8 @@ class SkillPolicy(TensorDictModuleBase):
 class SkillAgent:
     """Skill model, actor and critic of one task or subtask.
 
+    The critic is an image: `SkillPolicyUpdate` makes those that it trains after it, and keeps them. It is not saved.
+
     Args:
         task: furniture.
         subtask: 0-based; None for the whole task.
@@ -89,16 +91,20 @@ class SkillAgent:
         """Makes the policy equal to the prior. Source: SPiRL's appendix."""
         self.network.load_state_dict(self.model.prior.state_dict())
 
+    def to(self, device: torch.device | str) -> "SkillAgent":
+        """Moves the networks to a device, in place."""
+        for module in (self.model, self.network, self.critic):
+            module.to(device)
+        return self
+
     def state_dict(self) -> dict[str, Any]:
-        """Networks, with the normaliser inside."""
-        modules = {"model": self.model, "network": self.network, "critic": self.critic}
-        return {name: dict(module.state_dict()) for name, module in modules.items()}
+        """Skill model and actor, with the normaliser inside."""
+        return {"model": dict(self.model.state_dict()), "network": dict(self.network.state_dict())}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
-        """What `state_dict` gave."""
+        """What `state_dict` gave; an untrained critic, which agents used to save beside it, is left aside."""
         self.model.load_state_dict(state["model"])
         self.network.load_state_dict(state["network"])
-        self.critic.load_state_dict(state["critic"])
 
     def save(self, path: str | Path, **record: Any) -> None:
         """Writes the agent, and beside it plain values that say what it is."""

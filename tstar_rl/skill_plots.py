@@ -50,7 +50,7 @@ def play_skills(agent: SkillAgent, env: TransformedEnv, expert: Demonstrations, 
     tensordict = env.reset()
     env.base_env.restore(expert.snapshots[starts])
     tensordict["observation"] = expert.observations[starts]
-    paths, ended = [_grip(tensordict)], torch.zeros(env.batch_size, dtype=torch.bool)
+    paths, ended = [_grip(tensordict)], torch.zeros(env.batch_size, dtype=torch.bool, device=env.device)
     with set_exploration_type(ExplorationType.RANDOM):
         for _ in range(horizon):
             tensordict = env.step(policy(tensordict))

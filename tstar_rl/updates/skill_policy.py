@@ -70,6 +70,7 @@ class SkillPolicyUpdate:
         settings: SkillPolicySettings,
     ) -> None:
         self.settings, self.minibatches = settings, 0
+        self.device = next(actor.parameters()).device
         self.loss = PriorRegularisedSACLoss(actor, critic, prior, settings.target_divergence, settings.alpha)
         self.loss.make_value_estimator(gamma=settings.gamma)
         self.targets = SoftUpdate(self.loss, tau=settings.tau)
@@ -84,11 +85,14 @@ class SkillPolicyUpdate:
         }
 
     def __call__(self, buffer: ReplayBuffer, skills: int) -> dict[str, float]:
-        """The minibatches that `skills` more in the buffer stand for; means of what they say, for the log."""
+        """The minibatches that `skills` more in the buffer stand for; means of what they say, for the log.
+
+        The buffer may be on another device than the networks.
+        """
         number = round(self.settings.updates * skills) if len(buffer) >= self.settings.first else 0
         sums: dict[str, float] = {}
         for _ in range(number):
-            for key, value in self._step(buffer.sample(self.settings.minibatch)).items():
+            for key, value in self._step(buffer.sample(self.settings.minibatch).to(self.device)).items():
                 sums[key] = sums.get(key, 0.0) + value / number
         return sums
 
