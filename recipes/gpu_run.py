@@ -3,9 +3,10 @@
     while python recipes/gpu_run.py; [ $? = 75 ]; do :; done
 
 One call works for `minutes` and then stops what it is at; the next call leaves out what is done and goes on from the
-last checkpoint. It ends with 75 while there is more to do, with 0 once there is not. Tables land where the scales say
-(results/gpu, results/paper_gpu), with the minutes of each step in gpu_run.csv beside them. Other values that are
-given are passed on to every step: `scales=[quick] device=cpu` is a look without a GPU.
+last checkpoint. It ends with 75 while there is more to do, with 0 once there is not, and with 1 where all of a call's
+time leaves nothing that the next call could go on from. Tables land where the scales say (results/gpu,
+results/paper_gpu), with the minutes of each step in gpu_run.csv beside them. Other values that are given are passed on
+to every step: `scales=[quick] device=cpu` is a look without a GPU.
 """
 
 import subprocess
@@ -17,6 +18,7 @@ from hydra import compose
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
+from tstar_rl import checkpoint
 from tstar_rl.configuration import recipe
 from tstar_rl.csv_tables import append_rows
 from tstar_rl.logging import run_path
@@ -29,13 +31,23 @@ MORE = 75  # EX_TEMPFAIL: call again
 @recipe("gpu_run", minutes=float, scales=tuple[str, ...], video=bool)
 def main(config: DictConfig) -> None:
     """Takes the steps that are missing, one after another, until the time is over."""
-    end = time.monotonic() + 60 * config.minutes
+    end, whole = time.monotonic() + 60 * config.minutes, True
     given = [value for value in HydraConfig.get().overrides.task if value.split("=")[0] not in OWN]
     for scale in config.scales:
         shared = [f"scale={scale}", *given]
         place = compose("recipe/gail_ppo", shared)
         for step in _steps(place, config.video):
-            if not _done(place, step) and not _take(step, shared, end, place):
+            if _done(place, step):
+                continue
+            before = _kept(place, step)
+            taken = _take(step, shared, end, place)
+            whole = whole and _kept(place, step) == before  # nothing in this call has got any further so far
+            if not taken and whole:
+                raise SystemExit(
+                    f"{' '.join(step)} had all {config.minutes:g} minutes of a call and left nothing to go on "
+                    "from: give it more minutes, or a smaller training.checkpoint_every"
+                )
+            if not taken:
                 raise SystemExit(MORE)
         table = pd.read_csv(
             run_path(place.results_dir, place.task.name, "tstar", place.seed) / "evaluation.csv"
@@ -58,14 +70,29 @@ def _steps(place: DictConfig, video: bool) -> list[Step]:
 
 def _done(place: DictConfig, step: Step) -> bool:
     """Whether a step has been taken; demonstrations that are there are left alone by the step itself."""
+    trained, table = _ends(place, step)
+    if step[0] != "evaluate":
+        return trained.is_file()
+    return table.is_file() and (not trained.is_file() or table.stat().st_mtime >= trained.stat().st_mtime)
+
+
+def _ends(place: DictConfig, step: Step) -> tuple[Path, Path]:
+    """What is there once the system of a step has been trained, and once it has been evaluated."""
     values = dict(value.split("=") for value in step[1:])
     system, subtask = values.get("system", step[0]), values.get("subtask")
     where = (place.task.name, system, place.seed, None if subtask is None else int(subtask))
-    trained = run_path(place.runs_dir, *where) / "finished.json"
-    if step[0] != "evaluate":
-        return trained.is_file()
-    table = run_path(place.results_dir, *where) / "evaluation.csv"
-    return table.is_file() and (not trained.is_file() or table.stat().st_mtime >= trained.stat().st_mtime)
+    return (
+        run_path(place.runs_dir, *where) / "finished.json",
+        run_path(place.results_dir, *where) / "evaluation.csv",
+    )
+
+
+def _kept(place: DictConfig, step: Step) -> tuple[Path | None, dict[Path, int]]:
+    """What a step that is stopped now leaves behind: its newest checkpoint, and the files that it has completed."""
+    trained, table = _ends(place, step)
+    files = [trained, table, *(Path(place.demonstrations_dir) / place.task.name).glob("*.npz")]
+    written = {file: file.stat().st_mtime_ns for file in files if file.is_file()}
+    return checkpoint.latest(trained.parent / "checkpoints"), written
 
 
 def _take(step: Step, shared: list[str], end: float, place: DictConfig) -> bool:
