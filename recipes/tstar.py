@@ -43,6 +43,10 @@ def main(config: DictConfig) -> None:
     rollouts = max(config.chain.steps_per_turn // frames, 1)
     run = Run(plain(config), None, turns * rollouts * frames, trials=True)
     steps = run.start(**{f"skill{index}": skill for index, skill in enumerate(skills)})
+
+    def whole_trial() -> float:
+        return chain_progress(skills, chain_trial_environment(config))
+
     if run.turn == 0:
         seed_sets(skills, partial(trial_environment, config, skills, 0))
 
@@ -84,9 +88,11 @@ def main(config: DictConfig) -> None:
                 skill.normalizer.update(rollout["observation"], config.normalizer.floor)
             if config.chain.gate and number == rollouts - 1:
                 make_trial = partial(trial_environment, config, skills, run.turn + 1, index)
-                log |= keep_better(skill, before, make_trial, config.chain.gate_margin)
-            if number == rollouts - 1 and (run.turn + 1) % config.chain.whole_trial_every == 0:
-                log["trial_progress"] = chain_progress(skills, chain_trial_environment(config))
+                judge = whole_trial if config.chain.gate_on == "chain" else None
+                log |= keep_better(skill, before, make_trial, config.chain.gate_margin, judge)
+            due = number == rollouts - 1 and (run.turn + 1) % config.chain.whole_trial_every == 0
+            if due and "trial_progress" not in log:
+                log["trial_progress"] = whole_trial()
             run.log(steps, skill=index, round=run.turn // len(skills), **rollout_metrics(rollout), **log)
             if run.improved:
                 save_chain(skills, run.work / "best", recipe=config.system, env_steps=steps)

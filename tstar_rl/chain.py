@@ -137,7 +137,11 @@ def seed_sets(skills: Sequence[Skill], make_trial: Callable[[int], TransformedEn
 
 
 def keep_better(
-    skill: Skill, before: dict[str, Any], make_trial: Callable[[], TransformedEnv], margin: float
+    skill: Skill,
+    before: dict[str, Any],
+    make_trial: Callable[[], TransformedEnv],
+    margin: float,
+    progress: Callable[[], float] | None = None,
 ) -> dict[str, float]:
     """Puts a skill back to what it was unless it is now at least as good, less a margin, on the same episodes.
 
@@ -147,14 +151,18 @@ def keep_better(
         skill: as trained.
         before: its `network_state` before.
         make_trial: makes the environment of the trial, each time with the same seed.
-        margin: in share of episodes.
+        margin: in share of episodes, or of progress.
+        progress: of the whole chain as it stands; it is then what has to be as good, and not the skill's own success.
     """
     after, last_after = try_out(skill, make_trial())
+    chain_after = progress() if progress else after
     trained = skill.network_state()
     skill.load_network_state(before)
     was, last_before = try_out(skill, make_trial())
-    accepted = after >= was - margin
+    chain_was = progress() if progress else was
+    accepted = chain_after >= chain_was - margin
     if accepted:
         skill.load_network_state(trained)
     hand_over(skill, last_after if accepted else last_before)
-    return {"trial_before": was, "trial_after": after, "accepted": int(accepted)}
+    log = {"trial_before": was, "trial_after": after, "accepted": int(accepted)}
+    return log | ({"trial_progress": chain_after if accepted else chain_was} if progress else {})

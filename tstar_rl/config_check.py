@@ -5,7 +5,7 @@ import inspect
 from collections.abc import Mapping
 from dataclasses import is_dataclass
 from types import NoneType, UnionType
-from typing import Any, Union, get_args, get_origin, get_type_hints
+from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 __all__ = ["ConfigError", "check"]
 
@@ -65,6 +65,8 @@ def _fits(value: Any, kind: Any) -> bool:
         return any(_fits(value, option) for option in _options(kind))
     if kind is Any:
         return True
+    if origin is Literal:
+        return value in of
     if origin is tuple:
         right = isinstance(value, (list, tuple)) and (of[-1] is ... or len(value) == len(of))
         return right and all(_fits(item, of[0]) for item in value)
@@ -83,6 +85,8 @@ def _say(kind: Any) -> str:
     origin, of = get_origin(kind), get_args(kind)
     if len(_options(kind)) > 1:
         return " or ".join(_say(option) for option in _options(kind))
+    if origin is Literal:
+        return " or ".join(map(str, of))
     if origin is tuple:
         number = "" if of[-1] is ... else f" of {len(of)}"
         return f"a list{number}, each {_say(of[0])}"

@@ -6,7 +6,7 @@ another type. What the values mean is said in `configs/` and where they are read
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 from tstar_rl.cluster import ClusterSettings
 from tstar_rl.skill import NetworkSettings
@@ -97,6 +97,7 @@ class ChainSection:
     logged_states: int
     ppo: PPOSettings
     gate: bool
+    gate_on: Literal["skill", "chain"]
     gate_margin: float
 
 

@@ -1,0 +1,49 @@
+"""The gate of a chain: which of two policies stays, judged by the skill alone or by the whole chain."""
+
+import pytest
+from tensordict import TensorDict
+
+from tstar_rl import chain
+from tstar_rl.chain import keep_better
+
+
+class OneNumber:
+    """Stands for a skill: its whole network is a number."""
+
+    def __init__(self, number: float) -> None:
+        self.number = number
+
+    def network_state(self) -> dict:
+        return {"number": self.number}
+
+    def load_network_state(self, state: dict) -> None:
+        self.number = state["number"]
+
+
+@pytest.fixture
+def handed(monkeypatch) -> list[float]:
+    """What was handed over; a trial's success is the number itself, and so is what it reached."""
+    over: list[float] = []
+    monkeypatch.setattr(chain, "try_out", lambda skill, env: (skill.number, TensorDict({"is": skill.number})))
+    monkeypatch.setattr(chain, "hand_over", lambda skill, last: over.append(float(last["is"])))
+    return over
+
+
+@pytest.mark.parametrize(("trained", "kept"), [(0.95, 0.95), (0.89, 0.89), (0.85, 0.9)])
+def test_a_skill_that_lost_more_than_the_margin_goes_back_and_hands_over_what_it_reached(
+    trained, kept, handed
+):
+    skill = OneNumber(trained)
+    log = keep_better(skill, {"number": 0.9}, lambda: None, 0.02)
+    assert skill.number == kept and handed == [pytest.approx(kept)]
+    assert log == {"trial_before": 0.9, "trial_after": trained, "accepted": int(kept == trained)}
+
+
+@pytest.mark.parametrize(("progress_after", "kept"), [(0.5, 0.95), (0.3, 0.9)])
+def test_the_whole_chain_decides_where_it_is_asked(progress_after, kept, handed):
+    skill = OneNumber(0.95)  # alone it is better
+    log = keep_better(
+        skill, {"number": 0.9}, lambda: None, 0.0, lambda: progress_after if skill.number == 0.95 else 0.4
+    )
+    assert skill.number == kept and handed == [pytest.approx(kept)]
+    assert log["trial_progress"] == max(progress_after, 0.4)
