@@ -10,7 +10,7 @@ import torch
 from tensordict import TensorDict
 from torchrl.envs import Compose
 
-from tstar_rl import FurnitureEnv
+from tstar_rl import FurnitureEnv, checkpoint
 from tstar_rl.collection import Collection, with_starts
 from tstar_rl.skill import NetworkSettings, Skill
 from tstar_rl.transforms import GAILReward, RewardMixture, TerminalStateReward
@@ -25,6 +25,7 @@ from tstar_rl.updates import (
 )
 
 N, T = 4, 8
+FAST = {"learning_rate": 0.05, "kl_stop": 0.01}
 
 
 @pytest.fixture
@@ -63,6 +64,17 @@ def new_rollout(device: torch.device) -> TensorDict:
     return TensorDict(rows, [N, T], device=device)
 
 
+def ended_rollout(device: str) -> TensorDict:
+    """Made up: simulation 0 succeeds in its fourth step, and simulation 1 is out of time after its fifth."""
+    rollout = new_rollout(torch.device(device))
+    for key in ("observation", ("next", "observation"), ("next", "reward_env")):
+        rollout[key] = torch.randn_like(rollout[key])
+    for row, step, names in ((0, 3, ("success", "terminated")), (1, 4, ("truncated",))):
+        for name in ("done", *names):
+            rollout["next", name][row, step] = True
+    return rollout
+
+
 def test_an_update_of_everything(elsewhere):
     skill, rollout = new_skill(elsewhere), new_rollout(elsewhere)
     discriminator = DiscriminatorSettings(minibatch=8, steps=2)
@@ -79,6 +91,75 @@ def test_an_update_of_everything(elsewhere):
     log = update(reward(rollout))
     skill.normalizer.update(rollout["observation"])
     assert log["actor_steps"] == log["critic_steps"] == 2
+
+
+@pytest.fixture
+def selects_all(monkeypatch):
+    """Makes a mask without data choose every row: what is behind `mask.any()` runs too, and must be on its device."""
+    get, put = torch.Tensor.__getitem__, torch.Tensor.__setitem__
+
+    def chosen(rows, index):
+        if not (isinstance(index, torch.Tensor) and index.dtype == torch.bool):
+            return get(rows, index)
+        assert rows.device == index.device
+        return rows.flatten(0, index.ndim - 1)
+
+    def write(rows, index, value):
+        if not (isinstance(index, torch.Tensor) and index.dtype == torch.bool):
+            return put(rows, index, value)
+        assert rows.device == index.device == value.device
+
+    def believing(method):
+        def run(*arguments):
+            with pytest.MonkeyPatch.context() as patch:
+                patch.setattr(torch.Tensor, "__bool__", lambda self: True)
+                return method(*arguments)
+
+        return run
+
+    monkeypatch.setattr(torch.Tensor, "__getitem__", chosen)
+    monkeypatch.setattr(torch.Tensor, "__setitem__", write)
+    monkeypatch.setattr(TerminalStateReward, "reward", believing(TerminalStateReward.reward))
+    monkeypatch.setattr(PolicyUpdate, "_with_values", believing(PolicyUpdate._with_values))
+
+
+def parts(skill: Skill, **settings) -> tuple[Compose, PolicyUpdate]:
+    """The reward of a chained skill, scored by its own d_omega, and the update of its policy."""
+    terminal = TerminalStateReward(skill.d_omega, baseline="running_mean")
+    reward = Compose(GAILReward(skill.f_phi), terminal, RewardMixture(lambda_3=1.0))
+    settings = PPOSettings(epochs=2, minibatch=16, normalize_returns=True, **settings)
+    return reward, PolicyUpdate(skill.policy, skill.value, settings, skill.return_scale)
+
+
+def test_successes_and_truncations(elsewhere, selects_all):
+    skill = new_skill(elsewhere)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(torch.Tensor, "__bool__", lambda self: True)  # it has a critic
+        reward, update = parts(skill, kl_stop=0.4)  # every number is 0.5
+    log = update(reward.to(elsewhere)(new_rollout(elsewhere)))
+    assert log["actor_steps"] == 0 and log["critic_steps"] == 4
+
+
+@pytest.mark.parametrize("device", ["cpu", pytest.param("cuda", marks=pytest.mark.gpu)])
+def test_an_update_with_ends_goes_on_from_its_checkpoint(device, tmp_path):
+    """A success and a truncation in the rollout, an actor that a KL stops; then the same again from what was saved."""
+    torch.manual_seed(0)
+    first, second = (Skill("table_lack", 0, NetworkSettings(hidden=(16,))).to(device) for _ in range(2))
+    with torch.no_grad():
+        rollouts = [first.policy(ended_rollout(device)) for _ in range(2)]
+    works = [dict(zip(("reward", "update"), parts(skill, **FAST), strict=True)) for skill in (first, second)]
+    rewarded = works[0]["reward"](rollouts[0])
+    paid = rewarded["next", "reward_tsr"].squeeze(-1)
+    assert ((paid != 0) <= rewarded["next", "success"].squeeze(-1)).all() and paid.isfinite().all()
+    log = works[0]["update"](rewarded)
+    assert 0 < log["actor_steps"] < log["critic_steps"] == 4 and log["kl"] > FAST["kl_stop"]
+    checkpoint.save(tmp_path / "a", {"skill": first, **works[0]}, {})
+    checkpoint.load(tmp_path / "a", {"skill": second, **works[1]})
+    logs = []
+    for skill, work in zip((first, second), works, strict=True):
+        logs.append(work["update"](work["reward"](rollouts[1].clone())))
+        assert all(value.device.type == device for value in skill.policy.state_dict().values())
+    assert logs[0] == pytest.approx(logs[1], rel=1e-5)
 
 
 def test_a_tensor_elsewhere_is_found(elsewhere):
