@@ -51,6 +51,7 @@ def main(config: DictConfig) -> None:
             row = evaluate(policy, env, mode, recorder, links=len(skills) if chain else None)
             rows.append({"checkpoint": name, "mode": mode, **row, **spent, "seed": config.seed})
             recorder.write(results)
+            env.close()
             film = False  # the first checkpoint's first mode alone
     table = append_rows(results / "evaluation.csv", rows, ("checkpoint", "mode", "seed"))
     note_evaluation(results, plain(config))
