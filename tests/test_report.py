@@ -86,11 +86,16 @@ def test_what_was_run_under_other_conditions_has_a_section_of_its_own(tmp_path):
         file.parent.mkdir(parents=True)
         pd.DataFrame([{**row, "progress": progress}]).drop(columns=["task", "recipe", "subtask"]).to_csv(file)
     (tmp_path / "odd" / "README.md").write_text("# Odd chains\n\nOf skills that are odd.\n")
+    handed = {"system": "tstar", "seed": 3, "checkpoint": "last", "own_starts": 1.0}
+    steps = [{**handed, "subtask": 0}, {**handed, "subtask": 1, "handed_over": 0.5}]
+    pd.DataFrame(steps).to_csv(tmp_path / "odd" / "table" / "hand_over.csv", index=False)
     assert other_roots(tmp_path) == [tmp_path / "odd"]
     page = results_page(tmp_path, PAPER, NOTES)
     main, odd = page.split("## Odd chains\n\nOf skills that are odd.\n")
     assert "| T-STAR | - | - | 1.000 |" in main and "0.250" not in main
     assert "| T-STAR | 0.250 | 100.0% | - | - | 0.50M | 1 |" in odd
+    assert "| T-STAR, last | 1.00 | 0.50 / 1.00 | 1 |" in odd
+    assert "(figures/odd_table_hand_over.png)" in odd
 
 
 def test_the_block_is_replaced_and_nothing_else():

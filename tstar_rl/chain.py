@@ -113,7 +113,7 @@ def try_out(skill: Skill, env: TransformedEnv) -> tuple[float, TensorDictBase]:
     with set_exploration_type(ExplorationType.DETERMINISTIC):
         last = run_episodes(env, skill.policy)
     env.close()
-    return float(last["next", "success"].float().mean()), last
+    return float(last["next", "success"].double().mean()), last
 
 
 def hand_over(skill: Skill, last: TensorDictBase) -> None:

@@ -73,10 +73,16 @@ def _section_of(folder: Path, paper: dict[str, Any]) -> str:
     evaluations, metrics = _evaluations(folder), read_metrics(folder)
     said, parts = folder / "README.md", []
     for task in tables.tasks({"tasks": []}, evaluations):
-        alone = tables.skills(evaluations, task)
-        drawn = curves(metrics, task, f"{folder.name}_")
-        each = [tables.means(evaluations, paper, task), tables.by_seed(evaluations, paper, folder, task)]
-        parts.append("\n".join([f"### {task}\n", *each, alone, drawn]))
+        prefix = f"{folder.name}_"
+        each = [
+            tables.means(evaluations, paper, task),
+            tables.by_seed(evaluations, paper, folder, task),
+            tables.skills(evaluations, task),
+            tables.hand_over(folder, task, paper, prefix),
+            tables.figure_4(folder, task, paper, prefix),
+            curves(metrics, task, prefix),
+        ]
+        parts.append("\n".join([f"### {task}\n", *(part for part in each if part)]))
     intro = said.read_text() if said.is_file() else f"# {folder.name}\n"
     return "\n".join([f"#{intro.strip()}\n", *parts])
 

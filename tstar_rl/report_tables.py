@@ -169,7 +169,7 @@ def skills(evaluations: pd.DataFrame, task: str) -> str:
     return markdown(["skill", "last", "best", "environment steps", "seeds"], rows) if rows else ""
 
 
-def figure_4(root: Path, task: str, paper: Paper) -> str:
+def figure_4(root: Path, task: str, paper: Paper, prefix: str = "") -> str:
     """Spread of the third skill's terminal states, from what `recipes/terminal_states.py` wrote."""
     path = root / task / "terminal_states_spread.csv"
     if not path.is_file():
@@ -184,13 +184,11 @@ def figure_4(root: Path, task: str, paper: Paper) -> str:
             [names[str(system)], str(seed), *(" / ".join(three) for three in zip(*numbers, strict=True))]
         )
     header = ["system", "seed", "trace of the covariance, by third", "of positions alone, m2", "states"]
-    picture = (
-        f"![Where the third skill ends over training.](figures/{task}_terminal_states.png)\n\n{SPREAD}\n"
-    )
+    picture = f"![Where the third skill ends over training.](figures/{prefix}{task}_terminal_states.png)\n\n{SPREAD}\n"
     return picture + markdown(header, rows)
 
 
-def hand_over(root: Path, task: str, paper: Paper) -> str:
+def hand_over(root: Path, task: str, paper: Paper, prefix: str = "") -> str:
     """Each skill from where the one before ends and from its own starts, from what `recipes/hand_over.py` wrote."""
     path = root / task / "hand_over.csv"
     if not path.is_file():
@@ -204,7 +202,7 @@ def hand_over(root: Path, task: str, paper: Paper) -> str:
             rows.append([f"{label}, {checkpoint}", *cells, str(part.seed.nunique())])
     width = max(len(row) for row in rows) - 2
     rows = [row[:-1] + [NOTHING] * (width + 2 - len(row)) + row[-1:] for row in rows]
-    picture = f"![What the skills hand over.](figures/{task}_hand_over.png)\n\n{HANDED}\n"
+    picture = f"![What the skills hand over.](figures/{prefix}{task}_hand_over.png)\n\n{HANDED}\n"
     header = ["system", *(f"skill {index}" for index in range(width)), "seeds"]
     return picture + markdown(header, rows)
 
