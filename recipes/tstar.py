@@ -47,6 +47,7 @@ def main(config: DictConfig) -> None:
     def whole_trial() -> float:
         return chain_progress(skills, chain_trial_environment(config))
 
+    standing = None  # progress of the chain as it stands, where a trial has told
     if run.turn == 0:
         seed_sets(skills, partial(trial_environment, config, skills, 0))
 
@@ -89,10 +90,11 @@ def main(config: DictConfig) -> None:
             if config.chain.gate and number == rollouts - 1:
                 make_trial = partial(trial_environment, config, skills, run.turn + 1, index)
                 judge = whole_trial if config.chain.gate_on == "chain" else None
-                log |= keep_better(skill, before, make_trial, config.chain.gate_margin, judge)
+                log |= keep_better(skill, before, make_trial, config.chain.gate_margin, judge, standing)
             due = number == rollouts - 1 and (run.turn + 1) % config.chain.whole_trial_every == 0
             if due and "trial_progress" not in log:
                 log["trial_progress"] = whole_trial()
+            standing = log.get("trial_progress")
             run.log(steps, skill=index, round=run.turn // len(skills), **rollout_metrics(rollout), **log)
             if run.improved:
                 save_chain(skills, run.work / "best", recipe=config.system, env_steps=steps)

@@ -47,3 +47,14 @@ def test_the_whole_chain_decides_where_it_is_asked(progress_after, kept, handed)
     )
     assert skill.number == kept and handed == [pytest.approx(kept)]
     assert log["trial_progress"] == max(progress_after, 0.4)
+
+
+def test_a_trial_of_the_chain_that_is_known_is_not_run_again(handed):
+    skill, trials = OneNumber(0.95), []
+
+    def progress() -> float:
+        trials.append(skill.number)
+        return 0.3
+
+    log = keep_better(skill, {"number": 0.9}, lambda: None, 0.0, progress, progress_before=0.4)
+    assert trials == [0.95] and skill.number == 0.9 and log["trial_progress"] == 0.4

@@ -142,6 +142,7 @@ def keep_better(
     make_trial: Callable[[], TransformedEnv],
     margin: float,
     progress: Callable[[], float] | None = None,
+    progress_before: float | None = None,
 ) -> dict[str, float]:
     """Puts a skill back to what it was unless it is now at least as good, less a margin, on the same episodes.
 
@@ -153,13 +154,16 @@ def keep_better(
         make_trial: makes the environment of the trial, each time with the same seed.
         margin: in share of episodes, or of progress.
         progress: of the whole chain as it stands; it is then what has to be as good, and not the skill's own success.
+        progress_before: what `progress` gave with `before`, where that is known: the trial is not run again.
     """
     after, last_after = try_out(skill, make_trial())
     chain_after = progress() if progress else after
     trained = skill.network_state()
     skill.load_network_state(before)
     was, last_before = try_out(skill, make_trial())
-    chain_was = progress() if progress else was
+    chain_was = was
+    if progress:
+        chain_was = progress() if progress_before is None else progress_before
     accepted = chain_after >= chain_was - margin
     if accepted:
         skill.load_network_state(trained)
