@@ -28,6 +28,7 @@ NOTHING = "-"
 TIME = """\
 Ours: wall-clock minutes of processes with one thread each, two at a time on two cores that may have been busy with
 other things as well; the skills' training is counted with the chains, demonstrations and evaluation with nothing.
+Steps are those learned from: trials of a chain, for its gate and to know its best, are in the minutes alone.
 """
 HANDED = """\
 Success of each skill from where the one before ends / from its own starts: fresh deterministic episodes, mean over
