@@ -15,9 +15,9 @@ from tstar_rl.plotting import read_evaluations, read_metrics, seed_curves
 from tstar_rl.report import curve_groups, other_roots, replace_block, results_head, results_page
 
 COLUMNS = {
-    "skills": ("success_rate", "episode_length"),
-    "chains": ("success_rate", "trial_progress"),
-    "single_policies": ("phase", "completed"),
+    "skills": {"success_rate": "seed", "episode_length": "seed"},
+    "chains": {"success_rate": "skill", "trial_progress": "seed"},
+    "single_policies": {"phase": "seed", "completed": "seed"},
 }
 
 
@@ -45,9 +45,8 @@ def draw(results: Path, figures: Path, prefix: str = "") -> None:
     for task in sorted(metrics["task"].unique()):
         for name, rows in curve_groups(metrics, task).items():
             where = rows["recipe"] + (" " + rows["subtask"].astype(str) if name == "skills" else "")
-            line = "skill" if name == "chains" else None
             path = figures / f"{prefix}{task}_{name}.png"
-            print(seed_curves(rows.assign(panel=where), path, COLUMNS[name], "panel", line))
+            print(seed_curves(rows.assign(panel=where), path, COLUMNS[name], "panel"))
         for name in ("terminal_states", "hand_over"):
             drawn = results / task / f"{name}.png"
             if drawn.is_file():

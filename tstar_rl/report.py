@@ -26,7 +26,7 @@ turn; of a single policy, that with the highest running mean of subtasks complet
 """
 CAPTIONS = {
     "skills": "Success of the skills in training, a line a seed.",
-    "chains": "Fine-tuning the chains, a colour a skill: success in training, and trials of the whole chain.",
+    "chains": "Fine-tuning the chains: success in training, a colour a skill; trials of the whole, a colour a seed.",
     "single_policies": "Policies of the whole task in training: mean phase, and subtasks completed an episode.",
 }
 

@@ -1,6 +1,6 @@
 """Pictures of results: curves, the plane of terminal states, and the hand-over matrix. Each writes a PNG."""
 
-from collections.abc import Iterable
+from collections.abc import Mapping
 from pathlib import Path
 
 import matplotlib
@@ -23,29 +23,26 @@ def _write(figure: Figure, path: str | Path) -> Path:
     return Path(path)
 
 
-def _lines(axes: Axes, rows: pd.DataFrame, column: str, line: str | None) -> None:
-    """A line for each run in `rows`: colours by the values of `line`, or by seed."""
+def _lines(axes: Axes, rows: pd.DataFrame, column: str, colour: str) -> None:
+    """A line for each run in `rows`, in pieces where it does not train the same skill all the time."""
     labelled = set()
-    for place, run in rows.groupby([line or "seed", "seed"]):
+    pieces = [colour] if colour == "seed" else [colour, "seed", "round"]
+    for place, run in rows.groupby(pieces):
         value = int(place[0])  # pyright: ignore[reportGeneralTypeIssues]
-        label = None if value in labelled else f"{line or 'seed'} {value}"
+        label = None if value in labelled else f"{colour} {value}"
         labelled.add(value)
-        axes.plot(
-            run.env_steps, run[column], color=f"C{value}", marker=".", markersize=3, linewidth=1, label=label
-        )
+        style = {"color": f"C{value}", "marker": ".", "markersize": 3, "linewidth": 1}
+        axes.plot(run.env_steps, run[column], label=label, **style)
 
 
-def seed_curves(
-    metrics: pd.DataFrame, path: str | Path, columns: Iterable[str], panel: str, line: str | None = None
-) -> Path:
+def seed_curves(metrics: pd.DataFrame, path: str | Path, columns: Mapping[str, str], panel: str) -> Path:
     """Logged columns against environment steps: a row of panels for each column, thin lines are seeds.
 
     Args:
         metrics: from `plotting.read_metrics`.
         path: of the PNG.
-        columns: those that no run has logged are left out.
+        columns: each with what has a colour: "seed" or, of a chain, "skill". Those that no run has logged are left out.
         panel: column whose values have a panel each, in the order of their first rows.
-        line: column whose values have a colour each.
     """
     names = [name for name in columns if name in metrics and metrics[name].notna().any()]
     places = list(dict.fromkeys(metrics[panel]))
@@ -53,17 +50,17 @@ def seed_curves(
     figure, panels = plt.subplots(len(names), len(places), figsize=size, squeeze=False, sharey="row")
     for row, name in zip(panels, names, strict=True):
         for axes, place in zip(row, places, strict=True):
-            _lines(axes, metrics[metrics[panel] == place].dropna(subset=[name]), name, line)
+            _lines(axes, metrics[metrics[panel] == place].dropna(subset=[name]), name, columns[name])
             axes.set_title(str(place).replace("_", " "), fontsize=9)
             axes.grid(alpha=0.3)
         row[0].set_ylabel(name.replace("_", " "))
+        row[0].legend(fontsize=7)
         values = metrics[name].dropna()
         if values.between(0, 1).all():
             row[0].set_ylim(-0.02, 1.04)  # shares: the same scale whatever they are
     for axes in panels[-1]:
         axes.set_xlabel("environment steps")
         axes.xaxis.set_major_formatter(EngFormatter(sep=""))
-    panels[0][0].legend(fontsize=7)
     figure.tight_layout()
     return _write(figure, path)
 
