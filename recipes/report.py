@@ -21,7 +21,9 @@ COLUMNS = {
 }
 
 
-@recipe("report", docs_dir=str, readme=str, paper=str, notes=str, figures=bool)
+@recipe(
+    "report", docs_dir=str, readme=str, paper=str, notes=str, readme_folders=tuple[str, ...], figures=bool
+)
 def main(config: DictConfig) -> None:
     """Writes and says where."""
     if read_evaluations(config.results_dir).empty:
@@ -29,7 +31,8 @@ def main(config: DictConfig) -> None:
     page, readme = Path(config.docs_dir) / "results.md", Path(config.readme)
     page.parent.mkdir(parents=True, exist_ok=True)
     page.write_text(results_page(config.results_dir, config.paper, config.notes))
-    readme.write_text(replace_block(readme.read_text(), results_head(config.results_dir, config.paper)))
+    head = results_head(config.results_dir, config.paper, config.readme_folders)
+    readme.write_text(replace_block(readme.read_text(), head))
     print(page, readme)
     if config.figures:
         draw(Path(config.results_dir), page.parent / "figures")

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+import yaml
 
 from tstar_rl.report import curve_groups, other_roots, replace_block, results_head, results_page
 from tstar_rl.report_tables import comparison, over_seeds, skills
@@ -30,7 +31,9 @@ def test_the_page_and_the_readme_are_what_the_tables_say():
     page = results_page(ROOT / "results", PAPER, NOTES)
     assert page == (ROOT / "docs" / "results.md").read_text(), again
     readme = (ROOT / "README.md").read_text()
-    assert replace_block(readme, results_head(ROOT / "results", PAPER)) == readme, again
+    config = yaml.safe_load((ROOT / "configs" / "recipe" / "report.yaml").read_text())
+    head = results_head(ROOT / "results", PAPER, config["readme_folders"])
+    assert replace_block(readme, head) == readme, again
 
 
 def test_mean_and_deviation_over_seeds_by_hand():
@@ -96,6 +99,10 @@ def test_what_was_run_under_other_conditions_has_a_section_of_its_own(tmp_path):
     assert "| T-STAR | 0.250 | 100.0% | - | - | 0.50M | 1 |" in odd
     assert "| T-STAR, last | 1.00 | 0.50 / 1.00 | 1 |" in odd
     assert "(figures/odd_table_hand_over.png)" in odd
+    head = results_head(tmp_path, PAPER, ["odd", "not there"])
+    main, odd = head.split("[Odd chains](docs/results.md#odd-chains), `table`\n")
+    assert "| T-STAR | 0.250 | 100.0% |" in odd and "0.250" not in main and "Odd" not in main
+    assert "odd" not in results_head(tmp_path, PAPER)
 
 
 def test_the_block_is_replaced_and_nothing_else():

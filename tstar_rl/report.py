@@ -3,6 +3,7 @@
 The same tables give the same text. Nothing is left out for being bad; what the paper does not have stands beside it.
 """
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -68,10 +69,16 @@ def other_roots(root: str | Path) -> list[Path]:
     return sorted({file.parents[3] for file in Path(root).glob("*/*/*/seed*/evaluation.csv")})
 
 
+def _intro(folder: Path) -> str:
+    """What the folder's README.md says, a title first."""
+    said = folder / "README.md"
+    return (said.read_text() if said.is_file() else f"# {folder.name}\n").strip()
+
+
 def _section_of(folder: Path, paper: dict[str, Any]) -> str:
     """What was run under other conditions; the folder's README.md says which."""
     evaluations, metrics = _evaluations(folder), read_metrics(folder)
-    said, parts = folder / "README.md", []
+    parts = []
     for task in tables.tasks({"tasks": []}, evaluations):
         prefix = f"{folder.name}_"
         each = [
@@ -83,8 +90,7 @@ def _section_of(folder: Path, paper: dict[str, Any]) -> str:
             curves(metrics, task, prefix),
         ]
         parts.append("\n".join([f"### {task}\n", *(part for part in each if part)]))
-    intro = said.read_text() if said.is_file() else f"# {folder.name}\n"
-    return "\n".join([f"#{intro.strip()}\n", *parts])
+    return "\n".join([f"#{_intro(folder)}\n", *parts])
 
 
 def results_page(root: str | Path, paper: str | Path, notes: str | Path) -> str:
@@ -116,14 +122,26 @@ def results_page(root: str | Path, paper: str | Path, notes: str | Path) -> str:
     return "\n\n".join(part.strip() for part in parts if part) + "\n"
 
 
-def results_head(root: str | Path, paper: str | Path) -> str:
-    """What the README shows: the comparison for each task that has been run."""
-    theirs, evaluations = yaml.safe_load(Path(paper).read_text()), _evaluations(root)
+def results_head(root: str | Path, paper: str | Path, folders: Iterable[str] = ()) -> str:
+    """What the README shows: the comparison for each task that has been run, and what was run under other conditions.
+
+    Args:
+        root: folder of results.
+        paper: file of the paper's figures.
+        folders: which of `other_roots`, by name; one that is not there is left out.
+    """
+    root, theirs, evaluations = Path(root), yaml.safe_load(Path(paper).read_text()), _evaluations(root)
     parts = [
         f"`{task}`\n\n{tables.comparison(evaluations, theirs, task)}"
         for task in tables.tasks(theirs, evaluations)
         if len(tables.whole_task(evaluations, task))
     ]
+    for folder in (folder for folder in other_roots(root) if folder.name in set(folders)):
+        title = _intro(folder).splitlines()[0].removeprefix("# ")
+        link = f"[{title}](docs/results.md#{title.lower().replace(' ', '-')})"
+        others = _evaluations(folder)
+        for task in tables.tasks({"tasks": []}, others):
+            parts.append(f"{link}, `{task}`\n\n{tables.means(others, theirs, task)}")
     return "\n".join([READING, *parts])
 
 
