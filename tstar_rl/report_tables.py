@@ -32,7 +32,7 @@ Steps are those learned from: trials of a chain, for its gate and to know its be
 """
 HANDED = """\
 Success of each skill from where the one before ends / from its own starts: fresh deterministic episodes, mean over
-seeds.
+seeds. Each skill has the steps of one subtask; in the whole task a slow one also uses what those before it left.
 """
 SPREAD = """\
 Terminal states of successes in training, in three equal parts of it. Poses are metres and quaternions of all parts.
