@@ -102,12 +102,18 @@ EARLY = pytest.mark.parametrize(
 )
 
 
-@EARLY
-def test_connecting_early_pays_the_phases_left_out(task, phase, half_paid, paid, unpaid):
+def gained_by_connecting(task, phase, half_paid):
+    """What connecting now pays above waiting, and the state after it."""
     still = scene(touching=OPEN)
     waited, _ = reward(task, phase, still, grip=1.0, half_paid=True)
     connected, after = reward(task, phase, still, grip=1.0, connected=OPEN, half_paid=half_paid)
-    assert_close(connected - waited, paid)
+    return connected - waited, after
+
+
+@EARLY
+def test_connecting_early_pays_the_phases_left_out(task, phase, half_paid, paid, unpaid):
+    gained, after = gained_by_connecting(task, phase, half_paid)
+    assert_close(gained, paid)
     assert after["half_paid"].item() or phase > 4
 
 
@@ -120,10 +126,8 @@ def unpaid_task():
 
 @EARLY
 def test_unpaid_connecting_early_pays_its_own_bonus_alone(unpaid_task, phase, half_paid, paid, unpaid):
-    still = scene(touching=OPEN)
-    waited, _ = reward(unpaid_task, phase, still, grip=1.0, half_paid=True)
-    connected, after = reward(unpaid_task, phase, still, grip=1.0, connected=OPEN, half_paid=half_paid)
-    assert_close(connected - waited, unpaid)
+    gained, after = gained_by_connecting(unpaid_task, phase, half_paid)
+    assert_close(gained, unpaid)
     assert after["half_paid"].item() == half_paid
 
 

@@ -1,6 +1,5 @@
 """Tables that runs leave behind, and the numbers in them."""
 
-import copy
 import math
 from pathlib import Path
 
@@ -12,11 +11,9 @@ from tensordict import TensorDict
 
 from tstar_rl import run_folder
 from tstar_rl.chain import terminal_poses
-from tstar_rl.collection import derive_seed, run_episodes, with_starts
+from tstar_rl.collection import derive_seed
 from tstar_rl.csv_tables import MetricsLog, append_rows
-from tstar_rl.evaluation import Recorder, check_modes, evaluate, same_policy, summarize, wilson_interval
 from tstar_rl.logging import Run
-from tstar_rl.networks import make_policy, set_action_std
 from tstar_rl.plotting import evaluation_table, learning_curves, read_evaluations, read_metrics
 from tstar_rl.run_folder import Place, note_evaluation, read_run_path, run_path
 
@@ -63,11 +60,6 @@ def test_a_column_added_by_a_process_that_is_killed_loses_nothing(tmp_path, monk
         with pytest.raises(KeyboardInterrupt):
             change()
         assert (tmp_path / "log.csv").read_text() == "a\n1\n"
-
-
-def test_an_unknown_mode_is_named():
-    with pytest.raises(ValueError, match="mode must be one of deterministic, stochastic; got 'det'"):
-        check_modes(["deterministic", "det"])
 
 
 def a_run(folder, **values) -> Run:
@@ -155,107 +147,6 @@ def test_terminal_poses_are_those_of_successes():
     success = torch.tensor([[[False], [True]], [[True], [True]]])
     rollout = TensorDict({"next": {"observation": observation, "success": success}}, [2, 2])
     assert terminal_poses(rollout, 2).tolist() == [[1.0] * 35, [2.0] * 35]
-
-
-def test_wilson_by_hand():
-    # 8 of 10 at z = 1.96: centre (0.8 + 3.8416 / 20) / 1.38416 = 0.71674, half width 0.22657.
-    low, high = wilson_interval(8, 10)
-    assert (low, high) == (pytest.approx(0.4902, abs=2e-4), pytest.approx(0.9433, abs=2e-4))
-    assert wilson_interval(10, 10)[1] == pytest.approx(1.0)
-    with pytest.raises(ValueError, match="got 3 of 2"):
-        wilson_interval(3, 2)
-
-
-def test_progress_is_the_mean_share_of_subtasks():
-    last = TensorDict(
-        {
-            "next": {
-                "success": torch.tensor([[True], [False], [False], [False]]),
-                "completed": torch.tensor([[4], [2], [1], [0]]),
-                "step_count": torch.tensor([[300], [800], [800], [800]]),
-            }
-        },
-        [4],
-    )
-    row = summarize(last, 4, None)
-    assert row["progress"] == pytest.approx(7 / 16) and row["success"] == 0.25
-    assert [row[f"subtask_{k}"] for k in range(4)] == [0.75, 0.5, 0.25, 0.25]
-    shorter = summarize(last, 4, None, links=2)  # done: 2, 2, 1, 0 of two
-    assert shorter["progress"] == pytest.approx(5 / 8) and shorter["success"] == 0.5
-    assert [shorter["subtask_0"], shorter["subtask_1"]] == [0.75, 0.5] and math.isnan(shorter["subtask_2"])
-
-
-def test_run_episodes_gives_the_last_step_of_each_first_episode(make_env, policy):
-    env = with_starts(make_env(num_envs=6))
-    seen = []
-    last = run_episodes(env, policy, lambda td: seen.append(td["next", "done"].clone()))
-    assert last["next", "success"].all()
-    first_done = torch.stack(seen).squeeze(-1).int().argmax(0) + 1
-    assert torch.equal(last["next", "step_count"].squeeze(-1), first_done)
-    assert (last["start_observation"][:, 0] <= 0.2).all()
-
-
-def test_policies_are_the_same_with_equal_weights_and_deviations_only():
-    first = make_policy(4, 2, hidden=(8,), std="fixed")
-    second = copy.deepcopy(first)
-    assert same_policy(first, second)
-    set_action_std(second, 0.2)
-    assert not same_policy(first, second)
-    other = copy.deepcopy(first)
-    with torch.no_grad():
-        next(other.parameters()).add_(1e-6)
-    assert not same_policy(first, other)
-
-
-class Film:
-    """Stands for an environment that can draw: keeps what it is asked to film."""
-
-    def __init__(self) -> None:
-        self.films = {}
-
-    def qpos_of(self, snapshot):
-        return snapshot["qpos"]
-
-    def write_mp4(self, path, positions):
-        path.write_bytes(b"new")
-        self.films[path.name] = positions
-        return True
-
-
-def record(folder, number, won):
-    """Simulation i is at i + t / 10 after step t and ends its episode, as `won` says, after min(i, 2) more."""
-    env, count = Film(), len(won)
-    recorder = Recorder(env, number)
-    index = torch.arange(count).unsqueeze(-1)
-    for step in range(3):
-        done = index.clamp(max=2) == step
-        success = done & torch.tensor(won).unsqueeze(-1)
-        snapshot = TensorDict({"qpos": (index + step / 10).double()}, [count])
-        recorder(TensorDict({"next": {"snapshot": snapshot, "success": success, "done": done}}, [count]))
-    return env.films, [path.name for path in recorder.write(folder)]
-
-
-def test_the_first_success_and_the_first_failure_of_all_episodes_are_filmed(tmp_path):
-    films, written = record(tmp_path, None, [True, True, True, False, False])
-    assert written == ["first_success.mp4", "first_failure.mp4"]
-    torch.testing.assert_close(films["first_success.mp4"], torch.tensor([[0.0]]))
-    torch.testing.assert_close(films["first_failure.mp4"], torch.tensor([[3.0], [3.1], [3.2]]))
-
-
-def test_films_of_an_earlier_evaluation_do_not_stay(tmp_path):
-    for name in ("first_success.mp4", "first_failure.mp4"):
-        (tmp_path / name).write_bytes(b"old")
-    assert record(tmp_path, 0, [True, False]) == ({}, [])
-    assert (tmp_path / "first_failure.mp4").read_bytes() == b"old"  # nothing was to be filmed
-    assert record(tmp_path, 3, [True, True, True, False])[1] == ["first_success.mp4"]
-    assert [path.read_bytes() for path in tmp_path.iterdir()] == [b"new"]
-    with pytest.raises(ValueError, match="number must not be negative, got -1"):
-        Recorder(Film(), -1)
-
-
-def test_evaluate_refuses_another_mode(make_env, policy):
-    with pytest.raises(ValueError, match="deterministic, stochastic; got 'greedy'"):
-        evaluate(policy, with_starts(make_env()), "greedy")
 
 
 def test_seeds_of_different_purposes_differ():
