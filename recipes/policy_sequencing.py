@@ -13,7 +13,7 @@ from omegaconf import DictConfig
 from torchrl.envs import Compose
 
 from tstar_rl.backends import make_collection
-from tstar_rl.chain import chain_progress, keep_better, save_chain, seed_sets, terminal_poses
+from tstar_rl.chain import TurnEnd, chain_progress, save_chain, seed_sets, terminal_poses
 from tstar_rl.collection import derive_seed, rollout_metrics
 from tstar_rl.configuration import (
     chain_trial_environment,
@@ -41,10 +41,11 @@ def main(config: DictConfig) -> None:
     run = Run(plain(config), None, turns * rollouts * frames, trials=True)
     steps = run.start(**{f"skill{index}": skill for index, skill in enumerate(skills)})
 
-    def whole_trial() -> float:
-        return chain_progress(skills, chain_trial_environment(config))
-
-    standing = None  # progress of the chain as it stands, where a trial has told
+    chain = config.chain
+    end_turn = TurnEnd(
+        lambda: chain_progress(skills, chain_trial_environment(config)),
+        chain.gate, chain.gate_on, chain.gate_margin, chain.whole_trial_every,
+    )  # fmt: skip
     if run.turn == 0:
         seed_sets(skills, partial(trial_environment, config, skills, 0))
 
@@ -76,14 +77,9 @@ def main(config: DictConfig) -> None:
             log |= update_policy(rollout, steps / run.total) | collection.counts()
             if config.normalizer.running:
                 skill.normalizer.update(rollout["observation"], config.normalizer.floor)
-            if config.chain.gate and number == rollouts - 1:
+            if number == rollouts - 1:
                 make_trial = partial(trial_environment, config, skills, run.turn + 1, index)
-                judge = whole_trial if config.chain.gate_on == "chain" else None
-                log |= keep_better(skill, before, make_trial, config.chain.gate_margin, judge, standing)
-            due = number == rollouts - 1 and (run.turn + 1) % config.chain.whole_trial_every == 0
-            if due and "trial_progress" not in log:
-                log["trial_progress"] = whole_trial()
-            standing = log.get("trial_progress")
+                log |= end_turn(skill, before, make_trial, run.turn)
             run.log(steps, skill=index, round=run.turn // len(skills), **rollout_metrics(rollout), **log)
             if run.improved:
                 save_chain(skills, run.work / "best", recipe=config.system, env_steps=steps)

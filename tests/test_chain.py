@@ -4,7 +4,7 @@ import pytest
 from tensordict import TensorDict
 
 from tstar_rl import chain
-from tstar_rl.chain import keep_better
+from tstar_rl.chain import TurnEnd, keep_better
 
 
 class OneNumber:
@@ -58,3 +58,27 @@ def test_a_trial_of_the_chain_that_is_known_is_not_run_again(handed):
 
     log = keep_better(skill, {"number": 0.9}, lambda: None, 0.0, progress, progress_before=0.4)
     assert trials == [0.95] and skill.number == 0.9 and log["trial_progress"] == 0.4
+
+
+def test_a_chain_that_was_tried_after_a_turn_is_not_tried_again_before_the_next(handed):
+    trials, skill = [], OneNumber(0.5)
+
+    def progress() -> float:
+        trials.append(skill.number)
+        return skill.number
+
+    end_turn = TurnEnd(progress, True, "chain", 0.0, 1)
+    logs = []
+    for turn, trained in enumerate((0.6, 0.4, 0.7)):
+        before = skill.network_state()
+        skill.load_network_state({"number": trained})
+        logs.append(end_turn(skill, before, lambda: None, turn))
+    assert trials == [0.6, 0.5, 0.4, 0.7]  # before the first turn nothing is known
+    assert [log["trial_progress"] for log in logs] == [0.6, 0.6, 0.7]
+    assert [log["accepted"] for log in logs] == [1, 0, 1]
+
+
+def test_without_a_gate_the_chain_is_tried_every_so_many_turns():
+    skill = OneNumber(0.5)
+    end_turn = TurnEnd(lambda: 0.25, False, "skill", 0.0, 2)
+    assert [end_turn(skill, {}, lambda: None, turn) for turn in range(2)] == [{}, {"trial_progress": 0.25}]

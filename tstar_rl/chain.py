@@ -1,6 +1,7 @@
 """Skills one after another: the policy that runs them, and the trials that decide what each hands over."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from tstar_rl.state_sets import StateSet, TerminationSet
 
 __all__ = [
     "ChainPolicy",
+    "TurnEnd",
     "chain_folders",
     "chain_progress",
     "keep_better",
@@ -170,3 +172,39 @@ def keep_better(
     hand_over(skill, last_after if accepted else last_before)
     log = {"trial_before": was, "trial_after": after, "accepted": int(accepted)}
     return log | ({"trial_progress": chain_after if accepted else chain_was} if progress else {})
+
+
+@dataclass
+class TurnEnd:
+    """What ends a turn of fine-tuning: the gate, and the trial of the whole chain that tells its best. Returns the log.
+
+    A trial of the chain after one turn is that before the next, and is not run twice; one that is not in memory, as
+    after a run was killed, is run again with the same result.
+
+    Args:
+        whole_trial: progress of the chain as it stands, on the same starts whenever it is asked.
+        gate: whether a turn that lost is put back.
+        gate_on: what must not lose, "skill" or "chain".
+        gate_margin: see `keep_better`.
+        whole_trial_every: turns between trials of the chain that no gate asks for.
+    """
+
+    whole_trial: Callable[[], float]
+    gate: bool
+    gate_on: str
+    gate_margin: float
+    whole_trial_every: int
+    _progress: float | None = field(default=None, init=False)
+
+    def __call__(
+        self, skill: Skill, before: dict[str, Any], make_trial: Callable[[], TransformedEnv], turn: int
+    ) -> dict[str, float]:
+        """Judges `skill`, which was `before`, after turn number `turn`."""
+        log: dict[str, float] = {}
+        if self.gate:
+            judge = self.whole_trial if self.gate_on == "chain" else None
+            log |= keep_better(skill, before, make_trial, self.gate_margin, judge, self._progress)
+        if "trial_progress" not in log and (turn + 1) % self.whole_trial_every == 0:
+            log["trial_progress"] = self.whole_trial()
+        self._progress = log.get("trial_progress")
+        return log
