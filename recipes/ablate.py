@@ -16,15 +16,17 @@ from hydra import compose
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
-from tstar_rl import ablation
-from tstar_rl.ablation import SKILLS, Variant
-from tstar_rl.backends import launcher
-from tstar_rl.checkpoint import differences
-from tstar_rl.configuration import chain_length, demonstrations_path, plain, recipe
-from tstar_rl.logging import MACHINE_ONLY, run_path
-from tstar_rl.plotting import ablation_bars, ablation_finding, ablation_table, load_ablation
-from tstar_rl.side_by_side import Step, mean_bonus, run_side_by_side
-from tstar_rl.starts import check_shares
+from tstar_rl.analysis import ablation
+from tstar_rl.analysis.ablation import SKILLS, Variant
+from tstar_rl.analysis.ablation_plots import ablation_bars, ablation_finding, ablation_table, load_ablation
+from tstar_rl.config.build import chain_length, demonstrations_path
+from tstar_rl.config.load import plain, recipe
+from tstar_rl.launch.backends import launcher
+from tstar_rl.launch.side_by_side import Step, mean_bonus, run_side_by_side
+from tstar_rl.rollouts.starts import check_shares
+from tstar_rl.runs.checkpoint import differences
+from tstar_rl.runs.run import MACHINE_ONLY
+from tstar_rl.runs.run_folder import run_path
 
 OWN = ("ablation", "all", "variants", "processes")  # values that only this recipe knows
 EVALUATION = ("modes=[deterministic]", "checkpoints=[last]", "video=false")

@@ -11,10 +11,10 @@ import time
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
-from tstar_rl.backends import launcher
-from tstar_rl.configuration import recipe
-from tstar_rl.logging import run_path
-from tstar_rl.side_by_side import Step, mean_bonus, run_side_by_side
+from tstar_rl.config.load import recipe
+from tstar_rl.launch.backends import launcher
+from tstar_rl.launch.side_by_side import Step, mean_bonus, run_side_by_side
+from tstar_rl.runs.run_folder import run_path
 
 OWN = ("processes", "seeds")  # values that only this recipe knows
 

@@ -9,10 +9,10 @@ that was killed goes on from its last checkpoint. Tables land in <results_dir>/<
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
-from tstar_rl.backends import launcher
-from tstar_rl.configuration import recipe
-from tstar_rl.logging import run_path
-from tstar_rl.side_by_side import Step, run_side_by_side
+from tstar_rl.config.load import recipe
+from tstar_rl.launch.backends import launcher
+from tstar_rl.launch.side_by_side import Step, run_side_by_side
+from tstar_rl.runs.run_folder import run_path
 
 OWN = ("processes", "systems", "only", "subtask", "video")  # values that only this recipe knows
 

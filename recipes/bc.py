@@ -5,15 +5,10 @@ python recipes/bc.py task=table_lack subtask=0
 
 from omegaconf import DictConfig
 
-from tstar_rl.collection import derive_seed
-from tstar_rl.configuration import (
-    load_demonstrations,
-    new_skill,
-    plain,
-    recipe,
-    settings,
-)
-from tstar_rl.logging import Run
+from tstar_rl.config.build import load_demonstrations, new_skill
+from tstar_rl.config.load import plain, recipe, settings
+from tstar_rl.runs.run import Run
+from tstar_rl.seeds import derive_seed
 from tstar_rl.updates import BehaviourCloningSettings, behaviour_cloning
 
 

@@ -34,12 +34,14 @@ from tqdm import tqdm
 
 from tstar_envs.physics.cpu import CpuPhysics
 from tstar_envs.scene import SUBSTEPS
-from tstar_rl.collection import Collection, derive_seed
-from tstar_rl.configuration import environment, new_skill, recipe, settings
-from tstar_rl.csv_tables import append_rows
-from tstar_rl.demonstrate import collect
-from tstar_rl.demonstrations import Demonstrations
-from tstar_rl.skill import Skill
+from tstar_rl.chaining.skill import Skill
+from tstar_rl.config.build import environment, new_skill
+from tstar_rl.config.load import recipe, settings
+from tstar_rl.demonstrations.collect import collect
+from tstar_rl.demonstrations.data_set import Demonstrations
+from tstar_rl.rollouts.collection import Collection
+from tstar_rl.runs.csv_tables import append_rows
+from tstar_rl.seeds import derive_seed
 from tstar_rl.transforms import GAILReward, RewardMixture
 from tstar_rl.updates import (
     BehaviourCloningSettings,

@@ -13,8 +13,8 @@ import torch
 from omegaconf import DictConfig, OmegaConf
 
 from tstar_envs.scene import SUBSTEPS
-from tstar_rl.collection import derive_seed
-from tstar_rl.configuration import environment
+from tstar_rl.config.build import environment
+from tstar_rl.seeds import derive_seed
 
 STEPS = "environment steps / s"
 

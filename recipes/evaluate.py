@@ -16,13 +16,14 @@ from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 from torchrl.checkpoint import Checkpoint
 
-from tstar_rl.chain import ChainPolicy, chain_folders
-from tstar_rl.collection import derive_seed
-from tstar_rl.configuration import chain_length, environment, plain, recipe
-from tstar_rl.csv_tables import append_rows
-from tstar_rl.evaluation import MODES, Recorder, check_modes, evaluate, same_policy
-from tstar_rl.run_folder import note_evaluation, read_run_path, run_path
-from tstar_rl.skill_agent import load_skill
+from tstar_rl.chaining.chain import ChainPolicy, chain_folders
+from tstar_rl.config.build import chain_length, environment, load_skill
+from tstar_rl.config.load import plain, recipe
+from tstar_rl.rollouts.episodes import MODES, check_modes, evaluate, same_policy
+from tstar_rl.rollouts.recorder import Recorder
+from tstar_rl.runs.csv_tables import append_rows
+from tstar_rl.runs.run_folder import note_evaluation, read_run_path, run_path
+from tstar_rl.seeds import derive_seed
 
 
 @recipe("evaluate", path=str | None, checkpoints=tuple[str, ...], modes=tuple[str, ...], video=bool)

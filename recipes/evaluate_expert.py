@@ -8,11 +8,13 @@ from pathlib import Path
 import torch
 from omegaconf import DictConfig
 
-from tstar_rl.collection import derive_seed
-from tstar_rl.configuration import environment, plain, recipe
-from tstar_rl.csv_tables import append_rows
-from tstar_rl.evaluation import Recorder, evaluate
-from tstar_rl.run_folder import note_evaluation, run_path
+from tstar_rl.config.build import environment
+from tstar_rl.config.load import plain, recipe
+from tstar_rl.rollouts.episodes import evaluate
+from tstar_rl.rollouts.recorder import Recorder
+from tstar_rl.runs.csv_tables import append_rows
+from tstar_rl.runs.run_folder import note_evaluation, run_path
+from tstar_rl.seeds import derive_seed
 
 
 @recipe("evaluate_expert", video=bool)

@@ -7,17 +7,11 @@ import torch
 from omegaconf import DictConfig
 from torchrl.envs import Compose
 
-from tstar_rl.backends import make_collection
-from tstar_rl.collection import derive_seed, rollout_metrics
-from tstar_rl.configuration import (
-    explore,
-    load_demonstrations,
-    new_skill,
-    plain,
-    recipe,
-    settings,
-)
-from tstar_rl.logging import Run
+from tstar_rl.config.build import explore, load_demonstrations, make_collection, new_skill
+from tstar_rl.config.load import plain, recipe, settings
+from tstar_rl.rollouts.collection import rollout_metrics
+from tstar_rl.runs.run import Run
+from tstar_rl.seeds import derive_seed
 from tstar_rl.transforms import GAILReward, RewardMixture
 from tstar_rl.updates import (
     BehaviourCloningSettings,

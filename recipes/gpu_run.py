@@ -18,11 +18,11 @@ from hydra import compose
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
-from tstar_rl import checkpoint
-from tstar_rl.configuration import recipe
-from tstar_rl.csv_tables import append_rows
-from tstar_rl.logging import run_path
-from tstar_rl.side_by_side import Step, run_recipe
+from tstar_rl.config.load import recipe
+from tstar_rl.launch.side_by_side import Step, run_recipe
+from tstar_rl.runs import checkpoint
+from tstar_rl.runs.csv_tables import append_rows
+from tstar_rl.runs.run_folder import run_path
 
 OWN = ("minutes", "scales", "scale", "video")  # values that only this recipe knows
 MORE = 75  # EX_TEMPFAIL: call again

@@ -16,15 +16,16 @@ import torch
 from omegaconf import DictConfig
 from tensordict import TensorDictBase
 
-from tstar_rl.chain import load_chain, try_out
-from tstar_rl.collection import derive_seed
-from tstar_rl.configuration import environment, load_skills, recipe
-from tstar_rl.csv_tables import append_rows
-from tstar_rl.evaluation import wilson_interval
-from tstar_rl.logging import run_path
-from tstar_rl.plotting import hand_over_matrix
-from tstar_rl.skill import Skill
-from tstar_rl.state_sets import TerminationSet
+from tstar_rl.analysis.result_plots import hand_over_matrix
+from tstar_rl.chaining.chain import load_chain, try_out
+from tstar_rl.chaining.skill import Skill
+from tstar_rl.config.build import environment, load_skills
+from tstar_rl.config.load import recipe
+from tstar_rl.intervals import wilson_interval
+from tstar_rl.rollouts.state_sets import TerminationSet
+from tstar_rl.runs.csv_tables import append_rows
+from tstar_rl.runs.run_folder import run_path
+from tstar_rl.seeds import derive_seed
 
 
 @recipe("hand_over", checkpoint=str, systems=tuple[str, ...])

@@ -9,10 +9,11 @@ from functools import partial
 from omegaconf import DictConfig
 from tqdm import tqdm
 
-from tstar_rl.collection import derive_seed
-from tstar_rl.configuration import demonstrations_path, environment, recipe
-from tstar_rl.demonstrate import collect
-from tstar_rl.demonstrations import KINDS
+from tstar_rl.config.build import demonstrations_path, environment
+from tstar_rl.config.load import recipe
+from tstar_rl.demonstrations.collect import collect
+from tstar_rl.demonstrations.file_check import KINDS
+from tstar_rl.seeds import derive_seed
 
 
 @recipe("make_demonstrations", kinds=tuple[str, ...], whole=bool)

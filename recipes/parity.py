@@ -9,9 +9,11 @@ from typing import Any
 from omegaconf import DictConfig, OmegaConf
 from torch import Tensor
 
-from tstar_rl.collection import derive_seed, run_episodes
-from tstar_rl.configuration import environment, recipe
-from tstar_rl.csv_tables import append_rows
+from tstar_rl.config.build import environment
+from tstar_rl.config.load import recipe
+from tstar_rl.rollouts.episodes import run_episodes
+from tstar_rl.runs.csv_tables import append_rows
+from tstar_rl.seeds import derive_seed
 
 HORIZONS = (1, 10, 20, 40, 60)
 """Control steps after which states are compared: reach, grasp, carry, connect."""

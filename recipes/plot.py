@@ -7,8 +7,8 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from tstar_rl.configuration import recipe
-from tstar_rl.plotting import evaluation_table, learning_curves, read_evaluations, read_metrics
+from tstar_rl.analysis.plotting import evaluation_table, learning_curves, read_evaluations, read_metrics
+from tstar_rl.config.load import recipe
 
 
 @recipe("plot")

@@ -6,11 +6,12 @@ python recipes/plot_skills.py task=table_lack subtask=0 seed=0
 import torch
 from omegaconf import DictConfig
 
-from tstar_rl.collection import derive_seed
-from tstar_rl.configuration import environment, load_demonstrations, recipe
-from tstar_rl.logging import run_path
-from tstar_rl.skill_agent import SkillAgent
-from tstar_rl.skill_plots import draw_skills, moments, play_skills
+from tstar_rl.config.build import environment, load_demonstrations
+from tstar_rl.config.load import recipe
+from tstar_rl.runs.run_folder import run_path
+from tstar_rl.seeds import derive_seed
+from tstar_rl.spirl.agent import SkillAgent
+from tstar_rl.spirl.plots import draw_skills, moments, play_skills
 
 
 @recipe("plot_skills", checkpoint=str, states=int, draws=int)

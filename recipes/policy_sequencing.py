@@ -12,20 +12,19 @@ import torch
 from omegaconf import DictConfig
 from torchrl.envs import Compose
 
-from tstar_rl.backends import make_collection
-from tstar_rl.chain import TurnEnd, chain_progress, save_chain, seed_sets, terminal_poses
-from tstar_rl.collection import derive_seed, rollout_metrics
-from tstar_rl.configuration import (
+from tstar_rl.chaining.chain import TurnEnd, chain_progress, save_chain, seed_sets, terminal_poses
+from tstar_rl.config.build import (
     chain_trial_environment,
     explore,
     load_demonstrations,
     load_skills,
-    plain,
-    recipe,
-    settings,
+    make_collection,
     trial_environment,
 )
-from tstar_rl.logging import Run
+from tstar_rl.config.load import plain, recipe, settings
+from tstar_rl.rollouts.collection import rollout_metrics
+from tstar_rl.runs.run import Run
+from tstar_rl.seeds import derive_seed
 from tstar_rl.transforms import ConstantBonus, GAILReward, RewardMixture, TerminalStateReward
 from tstar_rl.updates import DiscriminatorSettings, PolicyUpdate, PPOSettings, make_f_phi_update
 

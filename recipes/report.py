@@ -10,9 +10,10 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from tstar_rl.configuration import recipe
-from tstar_rl.plotting import read_evaluations, read_metrics, seed_curves
-from tstar_rl.report import curve_groups, other_roots, replace_block, results_head, results_page
+from tstar_rl.analysis.plotting import read_evaluations, read_metrics
+from tstar_rl.analysis.report import curve_groups, other_roots, replace_block, results_head, results_page
+from tstar_rl.analysis.result_plots import seed_curves
+from tstar_rl.config.load import recipe
 
 COLUMNS = {
     "skills": {"success_rate": "seed", "episode_length": "seed"},

@@ -7,26 +7,16 @@ import torch
 from omegaconf import DictConfig
 from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
 
-from tstar_rl.collection import Collection, derive_seed, rollout_metrics
-from tstar_rl.config_schema import SpirlSection
-from tstar_rl.configuration import (
-    environment,
-    load_demonstrations,
-    new_skill_agent,
-    plain,
-    recipe,
-    settings,
-)
-from tstar_rl.logging import Run
-from tstar_rl.transforms import RewardMixture, SkillExecution
-from tstar_rl.updates import (
-    SkillModelTraining,
-    SkillPolicySettings,
-    SkillPolicyUpdate,
-    held_out_windows,
-    train_skill_model,
-)
-from tstar_rl.updates.skill_policy import TRANSITION
+from tstar_rl.config.build import environment, load_demonstrations, new_skill_agent
+from tstar_rl.config.load import plain, recipe, settings
+from tstar_rl.config.schema import SpirlSection
+from tstar_rl.rollouts.collection import Collection, rollout_metrics
+from tstar_rl.runs.run import Run
+from tstar_rl.seeds import derive_seed
+from tstar_rl.spirl.skill_execution import SkillExecution
+from tstar_rl.spirl.train_skill_model import SkillModelTraining, held_out_windows, train_skill_model
+from tstar_rl.spirl.update_policy import TRANSITION, SkillPolicySettings, SkillPolicyUpdate
+from tstar_rl.transforms import RewardMixture
 
 
 @recipe("spirl", spirl=SpirlSection)

@@ -10,9 +10,9 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from tstar_rl.configuration import recipe
-from tstar_rl.plotting import terminal_state_plane
-from tstar_rl.terminal_states import add_plane, read_terminal_states, spread
+from tstar_rl.analysis.result_plots import terminal_state_plane
+from tstar_rl.analysis.terminal_states import add_plane, read_terminal_states, spread
+from tstar_rl.config.load import recipe
 
 
 @recipe("terminal_states", systems=tuple[str, ...])

@@ -2,8 +2,8 @@
 
 import torch
 
-from tstar_rl.skill_agent import SkillAgent
-from tstar_rl.skill_prior import SkillModelSettings
+from tstar_rl.spirl.agent import SkillAgent
+from tstar_rl.spirl.skill_model import SkillModelSettings
 
 SMALL = {"latent": 3, "recurrent_size": 16, "hidden": (16,)}
 DECODERS = ("open_loop", "closed_loop")

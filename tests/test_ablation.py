@@ -12,13 +12,15 @@ import torch
 from hydra import compose, initialize_config_dir
 from hydra.errors import MissingConfigException
 
-from tstar_rl import ablation, ablation_plots, side_by_side
-from tstar_rl.ablation import SKILLS
-from tstar_rl.collection import rollout_metrics, with_starts
-from tstar_rl.configuration import CONFIGS, chain_length
-from tstar_rl.csv_tables import MetricsLog
-from tstar_rl.plotting import ablation_finding, ablation_table, load_ablation
-from tstar_rl.starts import check_shares
+from tstar_rl.analysis import ablation, ablation_plots
+from tstar_rl.analysis.ablation import SKILLS
+from tstar_rl.analysis.ablation_plots import ablation_finding, ablation_table, load_ablation
+from tstar_rl.config.build import chain_length
+from tstar_rl.config.load import CONFIGS
+from tstar_rl.launch import side_by_side
+from tstar_rl.rollouts.collection import rollout_metrics, with_starts
+from tstar_rl.rollouts.starts import check_shares
+from tstar_rl.runs.csv_tables import MetricsLog
 
 ROOT = Path(__file__).resolve().parent.parent
 VARIANTS = [variant for name in ablation.names() for variant in ablation.read(name).variants]

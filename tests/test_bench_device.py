@@ -6,7 +6,7 @@ import pytest
 import torch
 from hydra import compose, initialize_config_dir
 
-from tstar_rl.configuration import CONFIGS
+from tstar_rl.config.load import CONFIGS
 
 RECIPES = Path(__file__).resolve().parent.parent / "recipes"
 SMALL = [

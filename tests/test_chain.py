@@ -3,8 +3,8 @@
 import pytest
 from tensordict import TensorDict
 
-from tstar_rl import chain
-from tstar_rl.chain import TurnEnd, keep_better
+from tstar_rl.chaining import chain
+from tstar_rl.chaining.chain import TurnEnd, keep_better
 
 
 class OneNumber:

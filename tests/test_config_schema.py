@@ -6,8 +6,9 @@ from pathlib import Path
 import pytest
 from hydra import compose, initialize_config_dir
 
-from tstar_rl.config_check import ConfigError
-from tstar_rl.configuration import CONFIGS, check_config, demonstrations_path, recipe, settings
+from tstar_rl.config.build import demonstrations_path
+from tstar_rl.config.check import ConfigError
+from tstar_rl.config.load import CONFIGS, check_config, recipe, settings
 from tstar_rl.updates import PPOSettings
 
 RECIPES = Path(__file__).resolve().parent.parent / "recipes"

@@ -9,8 +9,9 @@ import torch
 from omegaconf import OmegaConf
 from tensordict import TensorDict
 
-from tstar_rl.configuration import load_demonstrations
-from tstar_rl.demonstrations import DemonstrationError, Demonstrations
+from tstar_rl.config.build import load_demonstrations
+from tstar_rl.demonstrations.data_set import Demonstrations
+from tstar_rl.demonstrations.file_check import DemonstrationError
 
 
 @pytest.fixture

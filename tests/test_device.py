@@ -10,9 +10,10 @@ import torch
 from tensordict import TensorDict
 from torchrl.envs import Compose
 
-from tstar_rl import FurnitureEnv, checkpoint
-from tstar_rl.collection import Collection, with_starts
-from tstar_rl.skill import NetworkSettings, Skill
+from tstar_rl import FurnitureEnv
+from tstar_rl.chaining.skill import NetworkSettings, Skill
+from tstar_rl.rollouts.collection import Collection, with_starts
+from tstar_rl.runs import checkpoint
 from tstar_rl.transforms import GAILReward, RewardMixture, TerminalStateReward
 from tstar_rl.updates import (
     BehaviourCloningSettings,

@@ -13,9 +13,9 @@ import torch
 import yaml
 from hydra import compose, initialize_config_dir
 
-from tstar_rl.chain import save_chain
-from tstar_rl.configuration import CONFIGS
-from tstar_rl.skill import NetworkSettings, Skill
+from tstar_rl.chaining.chain import save_chain
+from tstar_rl.chaining.skill import NetworkSettings, Skill
+from tstar_rl.config.load import CONFIGS
 
 ROOT = Path(__file__).resolve().parent.parent
 CHAIN = ["last/skill0", "last/skill1"]

@@ -7,9 +7,11 @@ import pytest
 import torch
 from tensordict import TensorDict
 
-from tstar_rl.collection import run_episodes, with_starts
-from tstar_rl.evaluation import Recorder, check_modes, evaluate, same_policy, summarize, wilson_interval
-from tstar_rl.networks import make_policy, set_action_std
+from tstar_rl.intervals import wilson_interval
+from tstar_rl.models.networks import make_policy, set_action_std
+from tstar_rl.rollouts.collection import with_starts
+from tstar_rl.rollouts.episodes import check_modes, evaluate, run_episodes, same_policy, summarize
+from tstar_rl.rollouts.recorder import Recorder
 
 
 def test_an_unknown_mode_is_named():

@@ -6,7 +6,7 @@ import pytest
 import torch
 from torch.testing import assert_close
 
-from tstar_rl.features import RelativeFeatures
+from tstar_rl.models.relative_features import RelativeFeatures
 
 HALF = math.sqrt(0.5)
 IDENTITY = [1.0, 0.0, 0.0, 0.0]

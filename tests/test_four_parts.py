@@ -10,21 +10,22 @@ from hydra import compose, initialize_config_dir
 from omegaconf import DictConfig
 from torchrl.envs import Compose
 
-from tstar_rl import checkpoint
-from tstar_rl.chain import ChainPolicy
-from tstar_rl.collection import Collection, run_episodes
-from tstar_rl.configuration import (
-    CONFIGS,
+from tstar_rl.chaining.chain import ChainPolicy
+from tstar_rl.chaining.skill import NetworkSettings, Skill
+from tstar_rl.config.build import (
     demonstrations_path,
     environment,
     load_demonstrations,
     new_skill,
     new_skill_agent,
 )
-from tstar_rl.demonstrate import collect
-from tstar_rl.features import observation_size
-from tstar_rl.skill import NetworkSettings, Skill
-from tstar_rl.skill_agent import SkillAgent
+from tstar_rl.config.load import CONFIGS
+from tstar_rl.demonstrations.collect import collect
+from tstar_rl.env.layout import observation_size
+from tstar_rl.rollouts.collection import Collection
+from tstar_rl.rollouts.episodes import run_episodes
+from tstar_rl.runs import checkpoint
+from tstar_rl.spirl.agent import SkillAgent
 from tstar_rl.transforms import GAILReward, RewardMixture
 from tstar_rl.updates import (
     BehaviourCloningSettings,

@@ -5,8 +5,8 @@ import torch
 from tensordict import TensorDict, TensorDictBase
 from torchrl.envs import check_env_specs
 
-from tstar_rl.collection import counts_of, with_starts
-from tstar_rl.furniture_env import FurnitureEnv
+from tstar_rl.env.furniture_env import FurnitureEnv
+from tstar_rl.rollouts.collection import counts_of, with_starts
 
 KEYS = ("observation", "subtask", "phase", "success", "completed", "done", "terminated", "truncated")
 

@@ -4,8 +4,9 @@ import torch
 from torchrl.envs import ExplorationType, set_exploration_type
 
 from tstar_rl import FurnitureEnv
-from tstar_rl.collection import run_episodes, with_starts
-from tstar_rl.state_sets import TerminalGaussian, TerminationSet
+from tstar_rl.rollouts.collection import with_starts
+from tstar_rl.rollouts.episodes import run_episodes
+from tstar_rl.rollouts.state_sets import TerminalGaussian, TerminationSet
 
 PARTS = slice(29, 64)
 

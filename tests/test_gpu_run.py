@@ -9,7 +9,7 @@ import pytest
 from hydra.core.global_hydra import GlobalHydra
 from test_recipes import places, run
 
-from tstar_rl import checkpoint
+from tstar_rl.runs import checkpoint
 
 RECIPES = Path(__file__).resolve().parent.parent / "recipes"
 CHAIN = ["chain.steps_per_turn=256", "chain.trial_episodes=8", "chain.whole_trial_episodes=4"]

@@ -14,7 +14,7 @@ import tstar_envs
 from tstar_envs import rendering
 from tstar_envs.furniture import names
 from tstar_envs.gymnasium_env import environment_id
-from tstar_rl.furniture_env import FurnitureEnv
+from tstar_rl.env.furniture_env import FurnitureEnv
 
 TASK = "table_lack"
 

@@ -1,9 +1,11 @@
-"""Who may import whom: recipes -> tstar_rl -> (furniture_env.py only) -> tstar_envs, and layers inside the world."""
+"""Who may import whom: recipes -> tstar_rl -> (env only) -> tstar_envs, and the layers inside both packages."""
 
 import ast
 from pathlib import Path
 
 import pytest
+
+import tstar_rl
 
 ROOT = Path(__file__).parents[1]
 WORLD, LEARNING, RECIPES = ROOT / "envs" / "tstar_envs", ROOT / "tstar_rl", ROOT / "recipes"
@@ -20,6 +22,22 @@ LAYERS = (
     ("environment",),
     ("registry", "dm_environment", "gymnasium_shared"),
     ("gymnasium_env", "gymnasium_vector_env"),
+)
+# In tstar_rl a room imports from itself and from the rooms above it in this list; the files of the root are above all.
+ROOMS = (
+    ("equations", "seeds", "checks", "intervals"),
+    ("runs",),
+    ("env",),
+    ("models",),
+    ("transforms",),
+    ("objectives",),
+    ("updates",),
+    ("rollouts",),
+    ("demonstrations",),
+    ("chaining", "spirl"),
+    ("config",),
+    ("launch",),
+    ("analysis",),
 )
 SIMULATORS = {"mujoco", "mujoco_warp", "warp", "dm_control", "dm_env"}
 MEASURES_THE_SIMULATOR = {"bench.py", "bench_device.py", "bench_wrapped.py"}
@@ -41,9 +59,9 @@ def roots(path: Path) -> set[str]:
     return {name.split(".")[0] for name in imports(path)}
 
 
-def layer(module: str) -> int:
-    found = [i for i, names in enumerate(LAYERS) if module in names]
-    assert found, f"tstar_envs.{module} is in no layer: add it to LAYERS in {Path(__file__).name}"
+def layer(module: str, layers: tuple[tuple[str, ...], ...] = LAYERS) -> int:
+    found = [i for i, names in enumerate(layers) if module in names]
+    assert found, f"{module} is in no layer: add it to LAYERS or ROOMS in {Path(__file__).name}"
     return found[0]
 
 
@@ -67,10 +85,37 @@ def test_the_world_imports_downwards(path):
 
 
 @pytest.mark.parametrize("path", sources(LEARNING))
-def test_learning_reaches_the_world_through_one_file(path):
+def test_learning_reaches_the_world_through_one_room(path):
     assert not roots(path) & (SIMULATORS | {"recipes"})
-    if path != LEARNING / "furniture_env.py":
-        assert "tstar_envs" not in roots(path), "only furniture_env.py may import the world"
+    if path.parent != LEARNING / "env":
+        assert "tstar_envs" not in roots(path), "only tstar_rl/env may import the world"
+
+
+@pytest.mark.parametrize("path", [p for p in sources(LEARNING) if p.values[0] != LEARNING / "__init__.py"])
+def test_a_room_imports_from_itself_and_from_the_rooms_above_it(path):
+    own = path.relative_to(LEARNING).parts[0].removesuffix(".py")
+    for name in imports(path):
+        package, _, rest = name.partition(".")
+        other = rest.split(".")[0]
+        if package == "tstar_rl" and other != own:
+            assert layer(other, ROOMS) < layer(own, ROOMS), f"{path.relative_to(ROOT)} imports {name}"
+
+
+def test_only_recipes_import_launch_and_analysis():
+    for path in LEARNING.rglob("*.py"):
+        own = path.relative_to(LEARNING).parts[0]
+        used = {name.split(".")[1] for name in imports(path) if name.startswith("tstar_rl.")}
+        assert not used & ({"launch", "analysis"} - {own}), f"{path.relative_to(ROOT)} imports {used}"
+
+
+@pytest.mark.parametrize("path", sources(LEARNING / "analysis"))
+def test_reading_results_needs_no_torchrl(path):
+    assert not roots(path) & {"torchrl", "tensordict"}
+
+
+def test_every_public_name_is_found_in_its_room():
+    for name in tstar_rl.__all__:
+        assert getattr(tstar_rl, name) is not None
 
 
 def test_equations_import_torch_alone():

@@ -9,13 +9,13 @@ import torch
 import yaml
 from tensordict import TensorDict
 
-from tstar_rl import run_folder
-from tstar_rl.chain import terminal_poses
-from tstar_rl.collection import derive_seed
-from tstar_rl.csv_tables import MetricsLog, append_rows
-from tstar_rl.logging import Run
-from tstar_rl.plotting import evaluation_table, learning_curves, read_evaluations, read_metrics
-from tstar_rl.run_folder import Place, note_evaluation, read_run_path, run_path
+from tstar_rl.analysis.plotting import evaluation_table, learning_curves, read_evaluations, read_metrics
+from tstar_rl.chaining.chain import terminal_poses
+from tstar_rl.runs import run_folder
+from tstar_rl.runs.csv_tables import MetricsLog, append_rows
+from tstar_rl.runs.run import Run
+from tstar_rl.runs.run_folder import Place, note_evaluation, read_run_path, run_path
+from tstar_rl.seeds import derive_seed
 
 
 def test_a_log_cut_back_goes_on_as_if_it_had_never_gone_further(tmp_path):

@@ -6,8 +6,9 @@ from hydra import compose, initialize_config_dir
 from hydra.errors import ConfigCompositionException, MissingConfigException
 from tensordict import TensorDict
 
-from tstar_rl.configuration import CONFIGS, environment, settings
-from tstar_rl.furniture_env import FurnitureEnv
+from tstar_rl.config.build import environment
+from tstar_rl.config.load import CONFIGS, settings
+from tstar_rl.env.furniture_env import FurnitureEnv
 from tstar_rl.updates import PPOSettings
 
 TASK = "table_lack"

@@ -10,8 +10,8 @@ from tstar_envs import furniture, geometry
 from tstar_envs.connection import WrongPairs
 from tstar_envs.environment import BatchedEnvironment
 from tstar_envs.scene import build_model
-from tstar_rl.features import RelativeFeatures
-from tstar_rl.furniture_env import FurnitureEnv
+from tstar_rl.env.furniture_env import FurnitureEnv
+from tstar_rl.models.relative_features import RelativeFeatures
 
 FRONT, LEFT, RIGHT, SEAT, BACK = range(5)
 CHAIR = "chair_ingolf"

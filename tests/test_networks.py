@@ -8,9 +8,9 @@ from torch.testing import assert_close
 from torchrl.envs.utils import ExplorationType, set_exploration_type
 from torchrl.objectives import ClipPPOLoss
 
-from tstar_rl import networks
-from tstar_rl.features import RelativeFeatures
-from tstar_rl.normalizer import Normalizer
+from tstar_rl.models import networks
+from tstar_rl.models.normalizer import Normalizer
+from tstar_rl.models.relative_features import RelativeFeatures
 
 
 def test_normalizer_fits_floors_and_clips():

@@ -9,7 +9,7 @@ import pytest
 from jupyter_client.manager import KernelManager
 from nbclient import NotebookClient
 
-from tstar_rl import ablation
+from tstar_rl.analysis import ablation
 
 ROOT = Path(__file__).resolve().parent.parent
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
@@ -69,7 +69,7 @@ def test_it_is_kept_without_outputs_and_reads_tables_alone(path):
     assert all(not cell.outputs and cell.execution_count is None for cell in cells), "strip its outputs"
     source = "\n".join(line for cell in cells for line in cell.source.splitlines() if line[:1] != "%")
     imported = {node.module for node in ast.walk(ast.parse(source)) if isinstance(node, ast.ImportFrom)}
-    assert imported <= {"tstar_rl.plotting", "tstar_rl.evaluation"}
+    assert imported <= {"tstar_rl.analysis"}
 
 
 @of_ablations

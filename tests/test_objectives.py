@@ -6,8 +6,8 @@ from tensordict import TensorDict
 from torch import nn
 from torch.testing import assert_close
 
-from tstar_rl.networks import Discriminator, make_discriminator
-from tstar_rl.normalizer import Normalizer
+from tstar_rl.models.networks import Discriminator, make_discriminator
+from tstar_rl.models.normalizer import Normalizer
 from tstar_rl.objectives import GAILDiscriminatorLoss, InitiationSetLoss
 
 

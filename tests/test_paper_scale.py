@@ -11,8 +11,8 @@ import pandas as pd
 import pytest
 import yaml
 
-from tstar_rl.configuration import CONFIGS
-from tstar_rl.skill import Skill
+from tstar_rl.chaining.skill import Skill
+from tstar_rl.config.load import CONFIGS
 
 ROOT = Path(__file__).resolve().parent.parent
 STEPS = 16 * 32  # of one rollout, by the paper's 16 simulations

@@ -13,12 +13,13 @@ import torch
 from test_recipes import SMALL, demonstrations, metrics, places, run  # noqa: F401  (a fixture)
 
 from tstar_rl import FurnitureEnv
-from tstar_rl.cluster import ClusterSettings, connect, run_on_cluster
-from tstar_rl.collection import Collection, with_starts
-from tstar_rl.ray_collection import RayCollection, Worker
-from tstar_rl.skill import NetworkSettings, Skill
-from tstar_rl.starts import make_starts
-from tstar_rl.state_sets import TerminationSet
+from tstar_rl.chaining.skill import NetworkSettings, Skill
+from tstar_rl.launch.cluster import run_on_cluster
+from tstar_rl.rollouts.cluster import ClusterSettings, connect
+from tstar_rl.rollouts.collection import Collection, with_starts
+from tstar_rl.rollouts.ray_collection import RayCollection, Worker
+from tstar_rl.rollouts.starts import make_starts
+from tstar_rl.rollouts.state_sets import TerminationSet
 from tstar_rl.updates import PolicyUpdate, PPOSettings
 
 CLUSTER = ClusterSettings()

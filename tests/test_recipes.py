@@ -13,8 +13,8 @@ import pytest
 import torch
 
 from tstar_rl import FurnitureEnv
-from tstar_rl.collection import Collection, with_starts
-from tstar_rl.skill import NetworkSettings, Skill
+from tstar_rl.chaining.skill import NetworkSettings, Skill
+from tstar_rl.rollouts.collection import Collection, with_starts
 
 ROOT = Path(__file__).resolve().parent.parent
 SMALL = [

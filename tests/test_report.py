@@ -6,8 +6,8 @@ import pandas as pd
 import pytest
 import yaml
 
-from tstar_rl.report import curve_groups, other_roots, replace_block, results_head, results_page
-from tstar_rl.report_tables import comparison, over_seeds, skills
+from tstar_rl.analysis.report import curve_groups, other_roots, replace_block, results_head, results_page
+from tstar_rl.analysis.report_tables import comparison, over_seeds, skills
 
 ROOT = Path(__file__).resolve().parent.parent
 PAPER, NOTES = ROOT / "docs" / "paper_results.yaml", ROOT / "docs" / "results_notes.md"

@@ -8,12 +8,13 @@ from torch.testing import assert_close
 from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
 from torchrl.envs import ExplorationType, set_exploration_type
 
-from tstar_rl import FurnitureEnv, checkpoint
-from tstar_rl.collection import Collection, with_starts
-from tstar_rl.skill_agent import SkillAgent
-from tstar_rl.transforms import RewardMixture, SkillExecution
-from tstar_rl.updates import SkillPolicySettings, SkillPolicyUpdate
-from tstar_rl.updates.skill_policy import TRANSITION
+from tstar_rl import FurnitureEnv
+from tstar_rl.rollouts.collection import Collection, with_starts
+from tstar_rl.runs import checkpoint
+from tstar_rl.spirl.agent import SkillAgent
+from tstar_rl.spirl.skill_execution import SkillExecution
+from tstar_rl.spirl.update_policy import TRANSITION, SkillPolicySettings, SkillPolicyUpdate
+from tstar_rl.transforms import RewardMixture
 
 
 def acts(agent: SkillAgent) -> torch.Tensor:

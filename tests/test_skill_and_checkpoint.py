@@ -5,10 +5,10 @@ import torch
 from tensordict import TensorDict
 from torchrl.envs import ExplorationType, set_exploration_type
 
-from tstar_rl import checkpoint
-from tstar_rl.chain import ChainPolicy
-from tstar_rl.checkpoint import CheckpointMismatchError
-from tstar_rl.skill import NetworkSettings, Skill
+from tstar_rl.chaining.chain import ChainPolicy
+from tstar_rl.chaining.skill import NetworkSettings, Skill
+from tstar_rl.runs import checkpoint
+from tstar_rl.runs.checkpoint import CheckpointMismatchError
 
 SMALL = NetworkSettings(hidden=(16,), std="fixed", discriminator_hidden=(16,))
 

@@ -8,7 +8,7 @@ from worlds import make
 
 import tstar_envs
 from tstar_envs.environment import BatchedEnvironment
-from tstar_rl.furniture_env import FurnitureEnv
+from tstar_rl.env.furniture_env import FurnitureEnv
 
 TABLE, CHAIR = "table_lack", "chair_ingolf"
 OTHER = "not taken of table_lack as it is now: its welds are those of other furniture"

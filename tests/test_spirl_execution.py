@@ -7,9 +7,11 @@ from tensordict import TensorDict
 from torch.testing import assert_close
 from torchrl.envs import Compose, ExplorationType, StepCounter, TransformedEnv, set_exploration_type
 
-from tstar_rl.collection import run_episodes, with_starts
-from tstar_rl.skill_agent import SkillPolicy
-from tstar_rl.transforms import EpisodeStart, RewardMixture, SkillExecution
+from tstar_rl.rollouts.collection import with_starts
+from tstar_rl.rollouts.episodes import run_episodes
+from tstar_rl.spirl.agent import SkillPolicy
+from tstar_rl.spirl.skill_execution import SkillExecution
+from tstar_rl.transforms import EpisodeStart, RewardMixture
 
 
 def forward_by(skill, observation, step):

@@ -7,12 +7,12 @@ from tensordict import TensorDict
 from torch.testing import assert_close
 from torchrl.envs import ExplorationType, set_exploration_type
 
-from tstar_rl.objectives import SkillModelLoss
-from tstar_rl.skill import NetworkSettings, Skill
-from tstar_rl.skill_agent import SkillAgent, load_skill
-from tstar_rl.skill_prior import SkillModelSettings
-from tstar_rl.updates import SkillModelTraining, train_skill_model
-from tstar_rl.updates.skill_model import windows
+from tstar_rl.chaining.skill import NetworkSettings, Skill
+from tstar_rl.config.build import load_skill
+from tstar_rl.spirl.agent import SkillAgent
+from tstar_rl.spirl.skill_model import SkillModelSettings
+from tstar_rl.spirl.skill_model_loss import SkillModelLoss
+from tstar_rl.spirl.train_skill_model import SkillModelTraining, train_skill_model, windows
 
 
 class TestWindows:

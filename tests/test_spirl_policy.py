@@ -10,9 +10,9 @@ from torch import nn
 from torch.testing import assert_close
 from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
 
-from tstar_rl.objectives import PriorRegularisedSACLoss
-from tstar_rl.skill_prior import make_skill_actor, make_skill_critic
-from tstar_rl.updates import SkillPolicySettings, SkillPolicyUpdate
+from tstar_rl.spirl.prior_regularised_sac import PriorRegularisedSACLoss
+from tstar_rl.spirl.skill_model import make_skill_actor, make_skill_critic
+from tstar_rl.spirl.update_policy import SkillPolicySettings, SkillPolicyUpdate
 
 
 class Fixed(nn.Module):

@@ -4,9 +4,9 @@ import pytest
 import torch
 from tensordict import TensorDict, assert_close
 
-from tstar_rl.collection import with_starts
-from tstar_rl.starts import MixedStarts, check_shares, gaussian_counts, make_starts
-from tstar_rl.state_sets import TerminalGaussian, TerminationSet
+from tstar_rl.rollouts.collection import with_starts
+from tstar_rl.rollouts.starts import MixedStarts, check_shares, gaussian_counts, make_starts
+from tstar_rl.rollouts.state_sets import TerminalGaussian, TerminationSet
 
 
 def seeded(seed: int = 0) -> torch.Generator:

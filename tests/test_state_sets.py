@@ -5,7 +5,7 @@ import torch
 from tensordict import TensorDict, assert_close
 from torchrl.envs import TransformedEnv
 
-from tstar_rl.state_sets import InitiationSet, StateSet, TerminalGaussian, TerminationSet
+from tstar_rl.rollouts.state_sets import InitiationSet, StateSet, TerminalGaussian, TerminationSet
 from tstar_rl.transforms import EpisodeStart, SkillChainReset
 
 

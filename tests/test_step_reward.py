@@ -10,7 +10,7 @@ from torch.testing import assert_close
 
 import tstar_envs
 from tstar_envs.tasks.phase_reward import Scene
-from tstar_rl.furniture_env import FurnitureEnv
+from tstar_rl.env.furniture_env import FurnitureEnv
 
 
 @pytest.fixture(scope="module")

@@ -4,8 +4,14 @@ import pandas as pd
 import pytest
 import torch
 
-from tstar_rl.plotting import hand_over_matrix, terminal_state_plane
-from tstar_rl.terminal_states import add_plane, one_sided, principal_plane, read_terminal_states, spread
+from tstar_rl.analysis.result_plots import hand_over_matrix, terminal_state_plane
+from tstar_rl.analysis.terminal_states import (
+    add_plane,
+    one_sided,
+    principal_plane,
+    read_terminal_states,
+    spread,
+)
 
 POSE = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
 

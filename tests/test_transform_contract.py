@@ -10,15 +10,9 @@ from torchrl.envs import Compose, SerialEnv, StepCounter, TransformedEnv
 from torchrl.envs.utils import check_env_specs
 from transform_parts import FixedStarts, Slot
 
-from tstar_rl.starts import MixedStarts
-from tstar_rl.transforms import (
-    EpisodeStart,
-    GAILReward,
-    RewardMixture,
-    SkillChainReset,
-    SkillExecution,
-    TerminalStateReward,
-)
+from tstar_rl.rollouts.starts import MixedStarts
+from tstar_rl.spirl.skill_execution import SkillExecution
+from tstar_rl.transforms import EpisodeStart, GAILReward, RewardMixture, SkillChainReset, TerminalStateReward
 
 
 def repeat(skill, observation, step):

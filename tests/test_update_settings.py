@@ -5,13 +5,9 @@ import math
 import pytest
 from hydra import compose, initialize_config_dir
 
-from tstar_rl.configuration import CONFIGS, settings
-from tstar_rl.updates import (
-    BehaviourCloningSettings,
-    DiscriminatorSettings,
-    PPOSettings,
-    SkillPolicySettings,
-)
+from tstar_rl.config.load import CONFIGS, settings
+from tstar_rl.spirl.update_policy import SkillPolicySettings
+from tstar_rl.updates import BehaviourCloningSettings, DiscriminatorSettings, PPOSettings
 
 
 @pytest.mark.parametrize(

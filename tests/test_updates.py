@@ -7,16 +7,16 @@ import torch
 from tensordict import TensorDict
 from torchrl.objectives.value import GAE
 
-from tstar_rl.collection import Collection, with_starts
-from tstar_rl.networks import make_discriminator
-from tstar_rl.skill import NetworkSettings, Skill
+from tstar_rl.chaining.skill import NetworkSettings, Skill
+from tstar_rl.models.networks import make_discriminator
+from tstar_rl.models.return_scale import ReturnScale
+from tstar_rl.rollouts.collection import Collection, with_starts
 from tstar_rl.transforms import RewardMixture
 from tstar_rl.updates import (
     BehaviourCloningSettings,
     DiscriminatorSettings,
     PolicyUpdate,
     PPOSettings,
-    ReturnScale,
     behaviour_cloning,
     make_d_omega_update,
     make_f_phi_update,

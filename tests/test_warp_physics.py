@@ -16,8 +16,8 @@ import tstar_envs
 from tstar_envs.environment import BatchedEnvironment
 from tstar_envs.physics import warp, warp_scene
 from tstar_envs.physics.warp import WarpPhysics
-from tstar_rl.collection import with_starts
-from tstar_rl.furniture_env import FurnitureEnv
+from tstar_rl.env.furniture_env import FurnitureEnv
+from tstar_rl.rollouts.collection import with_starts
 
 pytestmark = pytest.mark.parametrize("device", warp_worlds.DEVICES)
 

@@ -10,7 +10,7 @@ from torch import Tensor
 from torchrl.objectives import LossModule
 
 from tstar_rl.equations import gail_discriminator_loss, gradient_penalty
-from tstar_rl.networks import Discriminator
+from tstar_rl.models.networks import Discriminator
 
 
 class GAILDiscriminatorLoss(LossModule):

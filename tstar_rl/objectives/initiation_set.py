@@ -8,7 +8,7 @@ from tensordict.utils import NestedKey
 from torchrl.objectives import LossModule
 
 from tstar_rl.equations import initiation_set_loss
-from tstar_rl.networks import Discriminator
+from tstar_rl.models.networks import Discriminator
 from tstar_rl.objectives.discriminator import score_and_penalty
 
 

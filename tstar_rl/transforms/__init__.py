@@ -1,10 +1,9 @@
-"""The paper's rewards and resets, and SPiRL's skills, as TorchRL transforms."""
+"""The paper's rewards and resets as TorchRL transforms."""
 
 from tstar_rl.transforms.episode_start import EpisodeStart
 from tstar_rl.transforms.gail_reward import GAILReward
 from tstar_rl.transforms.reward_mixture import RewardMixture
 from tstar_rl.transforms.skill_chain_reset import SkillChainReset
-from tstar_rl.transforms.skill_execution import SkillExecution
 from tstar_rl.transforms.terminal_state_reward import ConstantBonus, TerminalStateReward
 
 __all__ = [
@@ -13,6 +12,5 @@ __all__ = [
     "GAILReward",
     "RewardMixture",
     "SkillChainReset",
-    "SkillExecution",
     "TerminalStateReward",
 ]

@@ -1,4 +1,4 @@
-"""What changes networks: behaviour cloning, PPO, the two discriminators, and SPiRL's skill model and policy.
+"""What changes networks: behaviour cloning, PPO and the discriminators.
 
 An update is an object only because an optimiser has a memory; calling it with data is one update, and what it
 returns goes into the log. Its `state_dict` makes a run resumable.
@@ -11,10 +11,7 @@ from tstar_rl.updates.discriminator import (
     make_d_omega_update,
     make_f_phi_update,
 )
-from tstar_rl.updates.policy import PolicyUpdate, PPOSettings
-from tstar_rl.updates.return_scale import ReturnScale
-from tstar_rl.updates.skill_model import SkillModelTraining, held_out_windows, train_skill_model
-from tstar_rl.updates.skill_policy import SkillPolicySettings, SkillPolicyUpdate
+from tstar_rl.updates.ppo import PolicyUpdate, PPOSettings
 
 __all__ = [
     "BehaviourCloningSettings",
@@ -22,13 +19,7 @@ __all__ = [
     "DiscriminatorUpdate",
     "PPOSettings",
     "PolicyUpdate",
-    "ReturnScale",
-    "SkillModelTraining",
-    "SkillPolicySettings",
-    "SkillPolicyUpdate",
     "behaviour_cloning",
-    "held_out_windows",
     "make_d_omega_update",
     "make_f_phi_update",
-    "train_skill_model",
 ]

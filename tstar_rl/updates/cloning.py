@@ -7,7 +7,7 @@ from tensordict import TensorDict
 from torch import Tensor
 from torchrl.modules import ProbabilisticActor
 
-from tstar_rl.updates.ranges import check_ranges
+from tstar_rl.checks import check_ranges
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,9 @@ from tensordict import TensorDict
 from torch import Tensor
 from torchrl.objectives import LossModule
 
-from tstar_rl.networks import Discriminator
+from tstar_rl.checks import check_ranges
+from tstar_rl.models.networks import Discriminator
 from tstar_rl.objectives import GAILDiscriminatorLoss, InitiationSetLoss
-from tstar_rl.updates.ranges import check_ranges
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,77 @@
+"""From the values in `configs/` to a checked config: where every recipe begins."""
+
+import logging
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+import hydra
+import torch
+from omegaconf import DictConfig, OmegaConf
+
+from tstar_rl.config.check import check
+from tstar_rl.config.schema import Config
+
+__all__ = ["check_config", "plain", "recipe", "settings"]
+
+CONFIGS = Path(__file__).resolve().parents[2] / "configs"
+OWN_KEYS: dict[str, dict[str, Any]] = {}
+"""Of each recipe that was imported, the keys that no other recipe needs to have, and the types of their values."""
+
+
+def recipe(name: str, **own: Any) -> Callable[[Callable[[DictConfig], None]], Callable[[], None]]:
+    """Makes a function of the config into the main function of a recipe: one torch thread, values from `configs/`.
+
+    Args:
+        name: of its file in `configs/recipe`.
+        **own: keys of that file which `config_schema.Config` does not have, and the types of their values.
+    """
+    OWN_KEYS[name] = own
+
+    def decorate(function: Callable[[DictConfig], None]) -> Callable[[], None]:
+        def main(config: DictConfig) -> None:
+            check_config(config, name)
+            torch.set_num_threads(config.torch_threads)
+            logging.getLogger("torchrl").setLevel(logging.WARNING)
+            function(config)
+
+        return hydra.main(version_base="1.3", config_path=str(CONFIGS), config_name=f"recipe/{name}")(main)
+
+    return decorate
+
+
+def plain(config: DictConfig) -> dict[str, Any]:
+    """The config as nested plain values."""
+    return OmegaConf.to_container(config, resolve=True, throw_on_missing=True)  # type: ignore[return-value]
+
+
+def check_config(config: DictConfig, name: str) -> None:
+    """Checks all names and types in the config of the recipe `name`.
+
+    Raises:
+        ConfigError: see `config_check.check`.
+        ValueError: for a task that there is not or has not so many subtasks, and for settings of it that there are
+            not or have no such value.
+    """
+    from tstar_rl.env.furniture_env import check_task
+
+    values = plain(config)
+    check(values, Config, "", OWN_KEYS[name])
+    check_task(config.task.name, config.task.subtasks, values["env"])
+
+
+Settings = TypeVar("Settings")
+
+
+def settings(kind: type[Settings], section: Mapping[str, Any] | DictConfig) -> Settings:
+    """A frozen settings object from a section of the config.
+
+    Raises:
+        ConfigError: for a name that `kind` does not have, or a value of another type.
+    """
+    values = (
+        OmegaConf.to_container(section, resolve=True) if isinstance(section, DictConfig) else dict(section)
+    )
+    assert isinstance(values, dict)
+    check({str(name): value for name, value in values.items()}, kind, kind.__name__)
+    return kind(**{str(k): tuple(v) if isinstance(v, list) else v for k, v in values.items()})

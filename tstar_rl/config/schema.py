@@ -1,0 +1,159 @@
+"""Which sections a config has, and what may stand in them.
+
+`configuration.check_config` holds every config against this before a recipe begins. Hydra itself refuses an override of
+a key that is not there; this is for what it lets through: keys added with `+` or in a file of one's own, and values of
+another type. What the values mean is said in `configs/` and where they are read.
+"""
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from tstar_rl.chaining.skill import NetworkSettings
+from tstar_rl.rollouts.cluster import ClusterSettings
+from tstar_rl.spirl.skill_model import SkillModelSettings
+from tstar_rl.spirl.train_skill_model import SkillModelTraining
+from tstar_rl.spirl.update_policy import SkillPolicySettings
+from tstar_rl.transforms import RewardMixture, TerminalStateReward
+from tstar_rl.updates import BehaviourCloningSettings, DiscriminatorSettings, PPOSettings
+
+__all__ = ["Config", "SpirlSection"]
+
+
+@dataclass(frozen=True)
+class TaskSection:
+    """`configs/task`."""
+
+    name: str
+    subtasks: int
+    laptop_steps: int
+    """Environment steps that a skill is trained for at `scale=laptop`."""
+
+
+@dataclass(frozen=True)
+class DemonstrationsSection:
+    """How they are made, and which are learnt from."""
+
+    episodes: int
+    kind: str
+    noise: float
+    num_envs: int
+    may_differ: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class NormalizerSection:
+    """Of observations."""
+
+    running: bool
+    floor: float
+
+
+@dataclass(frozen=True)
+class ExplorationSection:
+    """Deviation of the actions at the start and at the end of a run."""
+
+    arm: tuple[float, float]
+    hand: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class TrainingSection:
+    """The budget of one policy."""
+
+    num_envs: int
+    horizon: int
+    total_steps: int
+    max_steps: int
+    checkpoint_every: int
+
+
+@dataclass(frozen=True)
+class CollectionSection:
+    """Where rollouts come from: see `backends`."""
+
+    backend: str
+    workers: int
+
+
+@dataclass(frozen=True)
+class ChainSection:
+    """Fine-tuning of a chain."""
+
+    links: int | None
+    rounds: int
+    steps_per_turn: int
+    starts: dict[str, float]
+    trial_environment_share: float
+    capacity: int
+    trial_episodes: int
+    trial_max_steps: int
+    whole_trial_every: int
+    whole_trial_episodes: int
+    logged_skill: int
+    logged_states: int
+    ppo: PPOSettings
+    gate: bool
+    gate_on: Literal["skill", "chain"]
+    gate_margin: float
+
+
+@dataclass(frozen=True)
+class EvaluationSection:
+    """Episodes of one subtask and of the whole task, and how many of them are looked through for films; null: all."""
+
+    episodes: int
+    whole_episodes: int
+    recorded: int | None
+
+
+@dataclass(frozen=True)
+class SpirlSection:
+    """`configs/spirl`, of the recipe of that name."""
+
+    model: SkillModelSettings
+    training: SkillModelTraining
+    critic_hidden: tuple[int, ...]
+    policy: SkillPolicySettings
+    capacity: int
+    num_envs: int
+    max_steps: int
+    total_steps: int
+    checkpoint_every: int
+
+
+@dataclass(frozen=True)
+class Config:
+    """What every recipe has; a recipe names the keys of its own when it is declared (`configuration.recipe`)."""
+
+    system: str
+    task: TaskSection
+    seed: int
+    subtask: int | None
+    nthread: int
+    torch_threads: int
+    resume: bool
+    results_dir: str
+    runs_dir: str
+    demonstrations_dir: str
+    progress_bar: bool
+    device: str
+    physics: str | None
+    collection: CollectionSection
+    launch: str
+    cluster: ClusterSettings
+    skills: str
+    env: dict[str, Any]  # settings of the task, which the environment checks
+    demonstrations: DemonstrationsSection
+    warm_start: bool
+    normalizer: NormalizerSection
+    networks: NetworkSettings
+    exploration: ExplorationSection | None
+    bc: BehaviourCloningSettings
+    ppo: PPOSettings
+    f_phi: DiscriminatorSettings
+    d_omega: DiscriminatorSettings
+    training: TrainingSection
+    reward: RewardMixture
+    terminal_reward: TerminalStateReward
+    chain: ChainSection
+    evaluation: EvaluationSection

@@ -1,0 +1,91 @@
+"""Runs the scripted expert and keeps its successes."""
+
+from collections.abc import Callable
+
+import torch
+from tensordict import TensorDictBase
+from torchrl.envs import TransformedEnv
+
+from tstar_rl.rollouts.episodes import run_episodes
+from tstar_rl.demonstrations.file_check import KINDS
+from tstar_rl.demonstrations.data_set import Demonstrations
+
+__all__ = ["collect"]
+
+
+def collect(
+    make_env: Callable[[int], TransformedEnv],
+    episodes: int,
+    kind: str,
+    noise: float,
+    seed: int,
+    each_step: Callable[[], None] = lambda: None,
+    max_rounds: int = 20,
+) -> Demonstrations:
+    """Runs the scripted expert until there are `episodes` successes; episodes count in the order of their start.
+
+    Args:
+        make_env: of a seed -> environment with snapshots=True, from `with_starts`.
+        episodes: wanted.
+        kind: one of `KINDS`.
+        noise: deviation of the arm's executed action, for "noisy".
+        seed: of the first round; each round has its own.
+        each_step: called after every step, for a progress bar.
+        max_rounds: rounds of one episode a simulation, at most.
+
+    Raises:
+        ValueError: for another kind.
+        RuntimeError: if the expert fails too often to get there.
+    """
+    if kind not in KINDS:
+        raise ValueError(f"kind must be one of {', '.join(KINDS)}; got {kind!r}")
+    pieces: list[TensorDictBase] = []
+    seeds: list[int] = []
+    env = make_env(seed)
+    for round_ in range(max_rounds):
+        env.set_seed(seed + round_)
+        torch_generator = torch.Generator().manual_seed(seed + round_)
+        found = _successes(env, noise if kind == "noisy" else 0.0, torch_generator, each_step)
+        pieces += found
+        seeds += [seed + round_] * len(found)
+        if len(pieces) >= episodes:
+            break
+    else:
+        raise RuntimeError(f"only {len(pieces)} successes of {episodes} wanted in {max_rounds} rounds")
+    pieces, seeds = pieces[:episodes], seeds[:episodes]
+    rows, base = torch.cat(pieces).cpu(), env.base_env
+    arguments = base.arguments
+    return Demonstrations(
+        task=arguments["task"],
+        subtask=arguments["subtask"],
+        kind=kind,
+        arguments=arguments,
+        seeds=torch.tensor(seeds),
+        lengths=torch.tensor([len(piece) for piece in pieces]),
+        observations=rows["observation"],
+        actions=rows["expert_action"],
+        executed=rows["action"],
+        success=torch.ones(len(pieces), dtype=torch.bool),
+        snapshots=rows["snapshot"],
+    )
+
+
+def _successes(
+    env: TransformedEnv,
+    noise: float,
+    generator: torch.Generator,
+    each_step: Callable[[], None],
+) -> list[TensorDictBase]:
+    """The successful ones of one episode a simulation, each of batch [its length]."""
+    steps: list[TensorDictBase] = []
+    keep = ("observation", "snapshot", "action", "expert_action")
+
+    def record(tensordict: TensorDictBase) -> None:
+        steps.append(tensordict.select(*keep).clone())
+        each_step()
+
+    last = run_episodes(env, env.base_env.expert(noise, generator), record)
+    together: TensorDictBase = torch.stack(steps, 1)  # pyright: ignore[reportAssignmentType]
+    lengths = last["next", "step_count"].squeeze(-1)
+    won = last["next", "success"].squeeze(-1)
+    return [together[i, : int(lengths[i])] for i in won.nonzero().squeeze(-1).tolist()]

@@ -1,0 +1,93 @@
+"""Demonstrations on disk: written atomically, and read with every field checked.
+
+One `.npz` file without pickled objects. E episodes of L_e steps are laid end to end, S = sum of L_e rows.
+"""
+
+import json
+import os
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from tensordict import TensorDict, TensorDictBase
+from torch import Tensor
+
+from tstar_rl.demonstrations.file_check import ARRAYS, FORMAT_VERSION, HEADER, KINDS, DemonstrationError, read
+
+__all__ = ["Demonstrations"]
+
+
+@dataclass
+class Demonstrations:
+    """Successful episodes of the scripted expert.
+
+    Attributes:
+        task, subtask: what was done; subtask None is the whole task.
+        kind: "plain", or "noisy": the executed action was perturbed, the label is clean.
+        arguments: of the environment, plain values.
+        seeds: (E,) int64, of the environment that each episode came from.
+        lengths: (E,) int64.
+        observations: (S, O) float32, before the action; O is 37 and 7 for each part.
+        actions: (S, 9) float32 in [-1, 1], the expert's labels.
+        executed: (S, 9) float32 in [-1, 1], what the environment was given.
+        success: (E,) bool, all True.
+        snapshots: batch [S], the states before the actions.
+    """
+
+    task: str
+    subtask: int | None
+    kind: str
+    arguments: dict[str, Any]
+    seeds: Tensor
+    lengths: Tensor
+    observations: Tensor
+    actions: Tensor
+    executed: Tensor
+    success: Tensor
+    snapshots: TensorDictBase
+
+    def __len__(self) -> int:
+        return len(self.lengths)
+
+    def to(self, device: torch.device | str) -> "Demonstrations":
+        """The same with what is learnt from on a device; snapshots stay."""
+        learnt = {name: getattr(self, name).to(device) for name in ("observations", "actions", "executed")}
+        return replace(self, **learnt)
+
+    def save(self, path: str | Path) -> None:
+        """Writes the file; one that is there stays whole until the new one is complete."""
+        header = {"format_version": FORMAT_VERSION, **{name: getattr(self, name) for name in HEADER}}
+        arrays = {name: getattr(self, name).numpy() for name in ARRAYS}
+        for key, value in self.snapshots.items(True, True):
+            arrays["snapshot/" + (key if isinstance(key, str) else "/".join(key))] = value.numpy()
+        path = Path(path)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        partial = path.with_name(path.name + ".partial")
+        with partial.open("wb") as file:
+            np.savez_compressed(file, header=np.array(json.dumps(header)), **arrays)
+        os.replace(partial, path)
+
+    @classmethod
+    def load(cls, path: str | Path, task: str | None = None, subtask: int | None = None) -> "Demonstrations":
+        """Reads and checks the file, and that it is of `task` and `subtask` where these are given.
+
+        Raises:
+            FileNotFoundError: if there is no file.
+            DemonstrationError: names the field that is wrong.
+        """
+        header, arrays = read(path)
+        if task is not None and (header["task"], header["subtask"]) != (task, subtask):
+            raise DemonstrationError(
+                f"{path}: field task, subtask is {header['task']}, {header['subtask']}; wanted {task}, {subtask}"
+            )
+        snapshots = TensorDict({}, [int(arrays["lengths"].sum())])
+        for name, array in arrays.items():
+            if name.startswith("snapshot/"):
+                snapshots[tuple(name.split("/")[1:])] = torch.from_numpy(array)
+        return cls(
+            **header,
+            **{name: torch.from_numpy(arrays[name]) for name in ARRAYS},
+            snapshots=snapshots,
+        )

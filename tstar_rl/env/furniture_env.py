@@ -1,0 +1,250 @@
+"""The furniture assembly tasks as a TorchRL environment: the one place where learning meets the world."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import torch
+from tensordict import TensorDict, TensorDictBase
+from torch import Tensor
+from torchrl.data import Binary, Bounded, Categorical, Composite, Unbounded
+from torchrl.envs import EnvBase
+
+from tstar_envs import geometry, rendering
+from tstar_envs.environment import BatchedEnvironment
+from tstar_envs.furniture import library
+from tstar_envs.settings import TaskSettings
+from tstar_envs.tasks.actions import NUM_ACTIONS
+from tstar_envs.tasks.phase_reward import PHASES
+from tstar_rl.env.layout import observation_size
+from tstar_rl.env.specs import spec_of
+
+DEFAULT_SETTINGS: dict[str, Any] = asdict(TaskSettings())
+"""The settings of a task by name, where nothing is said about them."""
+_DONE_KEYS = ("done", "terminated", "truncated")
+
+
+def check_task(name: str, subtasks: int, settings: Mapping[str, Any]) -> None:
+    """Raises a ValueError for an unknown task, one without so many subtasks, or settings that it does not have."""
+    TaskSettings.from_mapping(settings)
+    if (steps := len(library.load(name).steps)) != subtasks:
+        raise ValueError(f"task.subtasks of {name} must be {steps}, the steps of its recipe, got {subtasks}")
+
+
+def observation_dim(task: str) -> int:
+    """Numbers in an observation of a task."""
+    return observation_size(len(library.load(task).parts))
+
+
+class FurnitureEnv(EnvBase):
+    """N simulations of an assembly task, batch size [N].
+
+    Reads `action` (N, 9) in [-1, 1] (clipped): seven joint velocities, gripper, connect. Writes `observation`
+    (N, O), `subtask`, `phase`, `completed` (N, 1) int64, `success` (N, 1) bool, the done flags, and, as its reward
+    key, the unscaled `reward_env` (N, 1). With `snapshots=True` also `snapshot`, from which the simulations restart.
+    The success row of a subtask holds the state in which the next subtask begins.
+
+    `reset` accepts injected starts: `("start", "snapshot")`, batch [N], and `("start", "use")` (N, 1) bool.
+
+    Args:
+        task: furniture, e.g. `table_lack`.
+        num_envs: simulations N.
+        subtask: step of the recipe, 0-based; None runs the whole task, counting subtasks up in place.
+        nthread: threads that step the simulations (0: all cores); results are the same bits at any number.
+        device: `cpu`, or `cuda`: simulations, task and tensors are then on the GPU (extra `gpu`).
+        seed: of the private generator of start noise.
+        snapshots: write the snapshot of every step.
+        physics: the simulator, `mujoco` or `warp`; by default `mujoco` on the CPU and `warp` on a GPU. With
+            `device="cpu", physics="warp"` the GPU's simulator runs on the CPU, slowly: for tests.
+        **settings: `tstar_envs.settings.TaskSettings` by name.
+
+    Raises:
+        ValueError: unknown furniture, subtask, device, simulator or setting; an action of another shape or with NaN.
+        ImportError: the simulator needs the extra `gpu`.
+    """
+
+    batch_locked = True  # pyright: ignore[reportAssignmentType]
+
+    def __init__(
+        self, task: str, num_envs: int = 1, subtask: int | None = None, nthread: int = 0,
+        device: str | torch.device = "cpu", seed: int | None = None, snapshots: bool = False,
+        physics: str | None = None, **settings: Any,
+    ):  # fmt: skip
+        world = BatchedEnvironment(task, num_envs, subtask, nthread, seed, settings, device, physics)
+        super().__init__(device=world.physics.device, batch_size=torch.Size([num_envs]))
+        self.world = world
+        self.snapshots = snapshots
+        self._make_specs()
+
+    @property
+    def task_name(self) -> str:
+        return self.world.name
+
+    @property
+    def num_envs(self) -> int:
+        return self.world.num_sims
+
+    @property
+    def subtask(self) -> int | None:
+        return self.world.subtask
+
+    @property
+    def num_subtasks(self) -> int:
+        return self.world.num_subtasks
+
+    @property
+    def max_steps(self) -> int:
+        """Control steps after which an episode is truncated."""
+        return self.world.max_steps
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """Plain values that build this environment again, less seed and number of simulations."""
+        return self.world.arguments
+
+    @property
+    def failures(self) -> int:
+        """Simulations that MuJoCo gave up on so far."""
+        return self.world.failures
+
+    def snapshot(self) -> TensorDict:
+        """State of every simulation, batch [N]; see `tstar_envs.environment`."""
+        return self.world.snapshot()
+
+    def restore(self, snapshot: TensorDictBase, mask: Tensor | None = None) -> None:
+        """Puts the simulations of `mask` (N,) into the states of `snapshot`, mid-episode."""
+        self.world.restore(snapshot, mask)
+
+    def qpos_of(self, snapshot: TensorDictBase) -> Tensor:
+        """Joint positions in snapshots of batch [n]: (n, nq) float64; free bodies as position and quaternion."""
+        return self.world.qpos_of(snapshot)
+
+    def with_qpos(self, snapshot: TensorDictBase, qpos: Tensor) -> tuple[TensorDict, Tensor]:
+        """Snapshots [n] at other joint positions (n, nq), at rest, and which of them are possible, (n,) bool."""
+        return self.world.with_qpos(snapshot, qpos)
+
+    def features(self, subtask: int) -> dict[str, Any]:
+        """What `features.RelativeFeatures` needs to know of a subtask: part indices, connectors, grasp."""
+        tables = self.world.task.tables
+
+        def figures(table: Tensor) -> Tensor:
+            return table[subtask].float().cpu()  # a network is built there, and moved afterwards
+
+        return {
+            "moving_part": int(tables.moving[subtask]),
+            "target_part": int(tables.target[subtask]),
+            "moving_connector": figures(tables.moving_connector),
+            "target_connector": figures(tables.target_connector),
+            "grasp": torch.cat(
+                [figures(tables.grasp_point), geometry.frame_with_x(figures(tables.grasp_axis))]
+            ),
+            "allowed_angles": figures(tables.allowed_angles),
+        }
+
+    def write_mp4(self, path: str | Path, positions: Tensor) -> bool:
+        """Films joint positions (T, nq); False, after one warning, where nothing can draw."""
+        renderer = rendering.make_renderer(self.world.model)
+        if renderer is None:
+            return False
+        rendering.write_mp4(path, (renderer.draw(row) for row in positions.cpu()))
+        renderer.close()
+        return True
+
+    def expert(self, noise: float = 0.0, generator: torch.Generator | None = None) -> Callable:
+        """The scripted assembly policy as a map of TensorDicts.
+
+        Writes `action` and the clean label `expert_action`. With `noise`, Gaussian noise of that standard deviation
+        is added to the seven arm components of `action`.
+
+        Raises:
+            ValueError: the noise is negative or not finite.
+        """
+        if not (math.isfinite(noise) and noise >= 0):
+            raise ValueError(f"noise of the expert must be a finite number from 0, got {noise!r}")
+        assembler = self.world.expert()
+        self.world.physics.forward()
+
+        def act(tensordict: TensorDictBase) -> TensorDictBase:
+            label = assembler.act(self.world.state).float()
+            action = label.clone()
+            action[:, :7] += noise * torch.randn(self.num_envs, 7, generator=generator).to(action.device)
+            return tensordict.set("expert_action", label).set("action", action.clamp(-1.0, 1.0))
+
+        return act
+
+    def state_dict(self, *args, **kwargs) -> dict[str, Any]:
+        """Generator and simulations: an environment loaded with it goes on bit for bit."""
+        return {
+            "generator": self.world.generator.get_state(),
+            "snapshot": self.snapshot(),
+            "failures": self.failures,
+        }
+
+    def load_state_dict(self, state_dict: dict[str, Any], *args, **kwargs) -> None:
+        self.world.generator.set_state(state_dict["generator"].cpu())
+        self.world.task.starts.forget()
+        self.world.restore(state_dict["snapshot"])
+        self.world.failures = int(state_dict["failures"])
+
+    def _make_specs(self) -> None:
+        shape = self.batch_size
+        one = torch.Size([*shape, 1])
+        observation = {
+            "observation": Unbounded(torch.Size([*shape, self.world.num_observations])),
+            "subtask": Categorical(self.num_subtasks + 1, one, dtype=torch.int64),
+            "phase": Categorical(len(PHASES), one, dtype=torch.int64),
+            "completed": Categorical(self.num_subtasks + 1, one, dtype=torch.int64),
+            "success": Binary(1, one, dtype=torch.bool),
+        }
+        if self.snapshots:
+            observation["snapshot"] = spec_of(self.snapshot())
+        self.observation_spec = Composite(observation, shape=shape).to(self.device)
+        action = Bounded(-1.0, 1.0, torch.Size([*shape, NUM_ACTIONS]), dtype=torch.float32)
+        self.action_spec = action.to(self.device)
+        self.reward_spec = Composite({"reward_env": Unbounded(one)}, shape=shape).to(self.device)
+        done = {name: Binary(1, one, dtype=torch.bool) for name in _DONE_KEYS}
+        self.done_spec = Composite(done, shape=shape).to(self.device)
+
+    def _reset(self, tensordict: TensorDictBase | None = None, **kwargs) -> TensorDictBase:
+        mask = torch.ones(self.num_envs, dtype=torch.bool, device=self.device)
+        if tensordict is not None and "_reset" in tensordict:
+            mask = tensordict["_reset"].reshape(self.num_envs)
+        injected = torch.zeros_like(mask)
+        if tensordict is not None and ("start", "use") in tensordict.keys(True):
+            injected = mask & tensordict["start", "use"].reshape(self.num_envs)
+        if bool((mask & ~injected).any()):
+            self.world.reset(mask & ~injected)
+        if bool(injected.any()):
+            self.world.reset_to(tensordict["start", "snapshot"], injected)
+        running = torch.zeros(self.num_envs, 1, dtype=torch.bool, device=self.device)
+        return self._observe().update({name: running.clone() for name in _DONE_KEYS})
+
+    def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
+        self.world.step(tensordict["action"])
+        terminated, truncated = self.world.task.get_termination(self.world.state)
+        out = self._observe()
+        out.set("reward_env", self.world.task.get_reward(self.world.state).float().unsqueeze(-1))
+        out.set("terminated", terminated.unsqueeze(-1)).set("truncated", truncated.unsqueeze(-1))
+        return out.set("done", (terminated | truncated).unsqueeze(-1))
+
+    def _observe(self) -> TensorDict:
+        state = self.world.state
+        out = {
+            name: state[name].unsqueeze(-1).clone() for name in ("subtask", "phase", "completed", "success")
+        }
+        out["observation"] = self.world.observation().float()
+        if self.snapshots:
+            out["snapshot"] = self.snapshot()
+        return TensorDict(out, self.batch_size, device=self.device)
+
+    def close(self, *, raise_if_closed: bool = True) -> None:
+        """Frees what the simulators hold on a GPU; positions and snapshots can still be read."""
+        self.world.physics.close()
+        super().close(raise_if_closed=raise_if_closed)
+
+    def _set_seed(self, seed: int | None) -> None:
+        self.world.seed(seed)

@@ -1,0 +1,25 @@
+"""Where rollouts are made and recipes run, as a config says: in this process and beside it, or on a Ray cluster."""
+
+from collections.abc import Callable
+from functools import partial
+
+from omegaconf import DictConfig
+
+from tstar_rl.config.load import settings
+from tstar_rl.launch.cluster import run_on_cluster
+from tstar_rl.launch.side_by_side import run_recipe
+from tstar_rl.rollouts.cluster import ClusterSettings
+
+__all__ = ["launcher"]
+
+
+def launcher(config: DictConfig) -> Callable[..., None]:
+    """What runs a recipe for another one, by launch: "local", a process here, or "ray", a task of a cluster.
+
+    Raises:
+        ValueError: if it is neither.
+    """
+    if config.launch not in ("local", "ray"):
+        raise ValueError(f"launch must be local or ray, got {config.launch!r}")
+    cluster = settings(ClusterSettings, config.cluster)
+    return run_recipe if config.launch == "local" else partial(run_on_cluster, cluster, config.processes)

@@ -1,0 +1,84 @@
+"""Recipes run as processes of their own, some at a time, here or wherever a launcher takes them."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pandas as pd
+
+__all__ = ["Step", "mean_bonus", "run_recipe", "run_side_by_side"]
+
+RECIPES = Path(__file__).resolve().parents[2] / "recipes"
+
+Step = tuple[str, ...]
+"""A recipe and its values."""
+
+
+def run_recipe(step: Step, shared: Sequence[str] = (), line: int = 0, seconds: float | None = None) -> None:
+    """Runs one recipe, with the values `shared` before its own; its progress bar takes the screen's line `line`.
+
+    Raises:
+        SystemExit: if it fails, with its command.
+        TimeoutExpired: if it was not done in `seconds`; it is killed then.
+    """
+    name, *values = step
+    environ = {**os.environ, "TQDM_POSITION": str(line), "TQDM_MININTERVAL": "1", "OMP_NUM_THREADS": "1"}
+    command = [sys.executable, str(RECIPES / f"{name}.py"), *shared, *values]
+    if subprocess.run(command, env=environ, check=False, timeout=seconds).returncode:
+        raise SystemExit(f"this step failed: {' '.join(command)}")
+
+
+def run_side_by_side(
+    lanes: Sequence[Sequence[Step]],
+    shared: Sequence[str],
+    processes: int,
+    run: Callable[..., None] | None = None,
+) -> None:
+    """Runs each lane's steps one after another, and up to `processes` lanes at once.
+
+    A step that fails ends its lane; the other lanes go on.
+
+    Args:
+        lanes: that do not wait for each other.
+        shared: values that every step is given.
+        processes: lanes at once.
+        run: of a step, the shared values and the lane's line on the screen, from `backends.launcher`; None:
+            `run_recipe`.
+
+    Raises:
+        SystemExit: at the end, if a step has failed, with the commands that did.
+    """
+
+    def follow(lane: int) -> str | None:
+        try:
+            for step in lanes[lane]:
+                (run or run_recipe)(step, shared, lane % processes)
+        except SystemExit as failure:
+            return str(failure)
+        return None
+
+    with ThreadPoolExecutor(processes) as pool:
+        failures = [failure for failure in pool.map(follow, range(len(lanes))) if failure]
+    if failures:
+        raise SystemExit("\n".join(failures))
+
+
+def mean_bonus(metrics: str | Path) -> float:
+    """What d_omega paid for a success, on average over all successes, for a control that always pays as much.
+
+    Args:
+        metrics: of a run, with the columns of `rollout_metrics`: a rollout counts by its successes; one without any, or
+            of a skill that d_omega does not pay, has no "tsr_on_success" and does not count.
+
+    Returns:
+        In [0, 1], rounded to four digits; 0 if nothing was paid.
+    """
+    paid = pd.read_csv(metrics).dropna(subset=["tsr_on_success"])
+    successes = paid["episodes"] * paid["success_rate"]
+    if not successes.sum():
+        return 0.0
+    mean = float((successes * paid["tsr_on_success"]).sum() / successes.sum())
+    return round(min(max(mean, 0.0), 1.0), 4)

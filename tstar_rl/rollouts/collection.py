@@ -1,0 +1,141 @@
+"""Environments with the transforms that training needs, and rollouts that resume bit for bit.
+
+`ray_collection.py` has the same rollouts from workers of a cluster.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import torch
+from tensordict import TensorDict, TensorDictBase
+from torchrl.collectors import Collector
+from torchrl.envs import EnvBase, StepCounter, TransformedEnv
+
+from tstar_rl.rollouts.starts import gaussian_counts
+from tstar_rl.transforms import EpisodeStart, SkillChainReset
+from tstar_rl.transforms.skill_chain_reset import Starts
+
+__all__ = ["COLLECTOR", "Collection", "counts_of", "load_state", "rollout_metrics", "state_of", "with_starts"]
+
+COLLECTOR: dict[str, Any] = {
+    "total_frames": -1,
+    "track_traj_ids": False,
+    "use_buffers": False,
+    "trust_policy": True,
+    "auto_register_policy_transforms": False,
+}
+"""What every collector here is made with: rows of a rollout are used once, and belong to the recipe."""
+
+
+def with_starts(
+    env: EnvBase, starts: Starts | None = None, probability: float = 0.8, seed: int = 0
+) -> TransformedEnv:
+    """The environment with s_0 and the step count on every row, a share of its episodes beginning in `starts`."""
+    env = TransformedEnv(env, StepCounter())
+    env.append_transform(EpisodeStart())
+    if starts is not None:
+        env.append_transform(SkillChainReset(starts, probability, seed))
+    return env
+
+
+class Collection:
+    """Rollouts of a policy, `horizon` steps of every simulation at a time, episodes going on from one to the next.
+
+    TorchRL's `Collector` in this process. `settle` puts the environment through its own saved state: a restored
+    simulator differs from one that went on by rounding (sleep timers are not part of a state), so a run that is
+    to resume bit for bit settles whenever it saves.
+
+    Args:
+        env: batch [N].
+        policy: reads and writes TensorDicts.
+        horizon: steps T of each simulation in one rollout.
+    """
+
+    def __init__(self, env: TransformedEnv, policy: Callable, horizon: int) -> None:
+        self.env = env
+        self.collector = Collector(
+            env,
+            policy,
+            frames_per_batch=env.batch_size.numel() * horizon,
+            **COLLECTOR,
+        )
+
+    @torch.no_grad()
+    def rollout(self) -> TensorDictBase:
+        """The next rollout, batch [N, T]."""
+        return self.collector.rollout()
+
+    def settle(self) -> None:
+        """Loads the state that `state_dict` gives."""
+        self.load_state_dict(self.state_dict())
+
+    def state_dict(self) -> dict[str, Any]:
+        """Simulations, generators and the last observations."""
+        return state_of(self.collector)
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """What `state_dict` gave."""
+        load_state(self.collector, state)
+
+    def counts(self) -> dict[str, int]:
+        """See `counts_of`."""
+        return counts_of(self.env)
+
+    def close(self) -> None:
+        """Frees the simulations."""
+        self.collector.shutdown()
+
+
+def counts_of(env: TransformedEnv) -> dict[str, int]:
+    """What is logged of an environment since it was made: what its Gaussian has drawn, and simulations that failed.
+
+    "failures" is there once there are some.
+    """
+    failures = getattr(env.base_env, "failures", 0)
+    return gaussian_counts(env) | ({"failures": failures} if failures else {})
+
+
+def state_of(collector: Collector) -> dict[str, Any]:
+    """Simulations, generators and last observations of a collector whose environment is `with_starts`."""
+    env: Any = collector.env
+    world = env.base_env.state_dict()
+    world = {k: v.to_dict() if isinstance(v, TensorDictBase) else v for k, v in world.items()}
+    return {
+        "world": world,
+        "transforms": env.transform.state_dict(),
+        "carried": collector._carrier.clone().to_dict(),
+    }
+
+
+def load_state(collector: Collector, state: dict[str, Any]) -> None:
+    """What `state_of` gave."""
+    env: Any = collector.env
+    batch, device = env.batch_size, env.device
+    world = {
+        k: TensorDict.from_dict(v, batch_size=batch, device=device) if isinstance(v, dict) else v
+        for k, v in state["world"].items()
+    }
+    env.base_env.load_state_dict(world)
+    env.transform.load_state_dict(state["transforms"])
+    collector._carrier = TensorDict.from_dict(state["carried"], batch_size=batch, device=device)
+
+
+def rollout_metrics(rollout: TensorDictBase) -> dict[str, float]:
+    """What is logged of a rollout (N, T): its finished episodes, phases and rewards by term."""
+    following: TensorDictBase = rollout["next"]
+    done = following["done"]
+    episodes = int(done.sum())
+    log: dict[str, float] = {
+        "episodes": episodes,
+        "success_rate": float(following["success"][done].float().mean()) if episodes else float("nan"),
+        "completed": float(following["completed"][done].float().mean()) if episodes else float("nan"),
+        "episode_length": float(following["step_count"][done].float().mean()) if episodes else float("nan"),
+        "phase": float(following["phase"].float().mean()),
+    }
+    for name in ("reward_env", "reward_gail", "reward_tsr", "reward"):
+        if name in following.keys():  # pyright: ignore[reportAttributeAccessIssue]
+            log[name] = float(following[name].mean())
+    if "reward_tsr" in log:
+        paid = following["reward_tsr"][following["success"]]
+        log["tsr_on_success"] = float(paid.mean()) if len(paid) else float("nan")
+    return log

@@ -1,0 +1,120 @@
+"""How good a policy is, on episodes that nothing was trained or chosen on."""
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import torch
+from tensordict import TensorDictBase
+from torch import nn
+from torchrl.envs import ExplorationType, TransformedEnv, set_exploration_type
+
+from tstar_rl.intervals import wilson_interval
+
+__all__ = ["MODES", "check_modes", "evaluate", "run_episodes", "same_policy", "summarize"]
+
+MODES = {
+    "deterministic": ExplorationType.DETERMINISTIC,
+    "stochastic": ExplorationType.RANDOM,
+}
+
+
+@torch.no_grad()
+def run_episodes(
+    env: TransformedEnv,
+    policy: Callable,
+    each_step: Callable[[TensorDictBase], None] | None = None,
+) -> TensorDictBase:
+    """One whole episode of every simulation, from a reset.
+
+    Args:
+        env: from `with_starts`.
+        policy: reads and writes TensorDicts; how it samples is the caller's affair.
+        each_step: called with every step's TensorDict, batch [N].
+
+    Returns:
+        The last step of each episode, batch [N], in the order of the simulations.
+    """
+    tensordict = env.reset()
+    running = torch.ones(env.batch_size, dtype=torch.bool, device=tensordict.device)
+    last: TensorDictBase | None = None
+    while running.any():
+        tensordict = env.step(policy(tensordict))
+        if each_step is not None:
+            each_step(tensordict)
+        ended = running & tensordict["next", "done"].squeeze(-1)
+        if last is None:
+            last = tensordict.clone()
+        elif ended.any():
+            last[ended] = tensordict[ended]
+        running &= ~ended
+        tensordict = env.step_mdp(tensordict)
+    assert last is not None
+    return last
+
+
+def summarize(
+    last: TensorDictBase, num_subtasks: int, subtask: int | None, links: int | None = None
+) -> dict[str, Any]:
+    """A row of the evaluation table.
+
+    Args:
+        last: last steps of n episodes, batch [n].
+        num_subtasks: K.
+        subtask: the one that was run, or None for the whole task.
+        links: of a chain that does the first so many subtasks, which are then all there is to do; None: all.
+
+    Returns:
+        episodes, progress (mean share of the subtasks to do that were done), success with its interval, and for
+        each subtask that was run the share of episodes that completed it.
+    """
+    completed = last["next", "completed"].squeeze(-1)
+    todo = 1 if subtask is not None else links or num_subtasks
+    shorter = subtask is None and todo < num_subtasks
+    success = completed >= todo if shorter else last["next", "success"].squeeze(-1)
+    episodes, successes = len(success), int(success.sum())
+    low, high = wilson_interval(successes, episodes)
+    row: dict[str, Any] = {
+        "episodes": episodes,
+        "progress": float(completed.clamp(max=todo).double().mean()) / todo,
+        "success": successes / episodes,
+        "success_low": low,
+        "success_high": high,
+    }
+    for index in range(num_subtasks):
+        run = index < todo if subtask is None else index == subtask
+        share = row["success"] if index == subtask else float((completed > index).double().mean())
+        row[f"subtask_{index}"] = share if run else float("nan")
+    row["episode_length"] = float(last["next", "step_count"].double().mean())
+    return row
+
+
+def check_modes(modes: Iterable[str]) -> None:
+    """Raises a ValueError for a mode that is not in `MODES`."""
+    for mode in modes:
+        if mode not in MODES:
+            raise ValueError(f"mode must be one of {', '.join(MODES)}; got {mode!r}")
+
+
+def evaluate(
+    policy: Callable,
+    env: TransformedEnv,
+    mode: str = "deterministic",
+    each_step: Callable[[TensorDictBase], None] | None = None,
+    links: int | None = None,
+) -> dict[str, Any]:
+    """One episode of every simulation of `env` (from `with_starts`), summarised.
+
+    Raises:
+        ValueError: if `mode` is not in `MODES`.
+    """
+    check_modes([mode])
+    with set_exploration_type(MODES[mode]):
+        last = run_episodes(env, policy, each_step)
+    base = env.base_env
+    return summarize(last, base.num_subtasks, getattr(base, "subtask", None), links)
+
+
+def same_policy(first: nn.Module, second: nn.Module) -> bool:
+    """Whether two policies have the same parameters and buffers, bit for bit."""
+    these, those = first.state_dict(), second.state_dict()
+    return these.keys() == those.keys() and all(torch.equal(these[name], those[name]) for name in these)

@@ -1,0 +1,120 @@
+"""Where the episodes of a chained skill begin: the sources, their shares, and a mixture of them."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, cast
+
+import torch
+from tensordict import TensorDict, TensorDictBase
+from torch import Tensor
+from torchrl.envs import Compose, TransformedEnv
+
+from tstar_rl.rollouts.state_sets import TerminalGaussian, TerminationSet
+from tstar_rl.transforms import SkillChainReset
+from tstar_rl.transforms.skill_chain_reset import Starts
+
+__all__ = [
+    "SOURCES",
+    "MixedStarts",
+    "check_shares",
+    "gaussian_counts",
+    "make_starts",
+    "sources",
+    "termination_sets",
+]
+
+SOURCES = ("environment", "gaussian", "buffer")
+"""The environment's own start, a Gaussian fitted to the termination set of the skill before, a member of that set."""
+
+
+class MixedStarts:
+    """Draws every start from one of several sources, at random by their shares.
+
+    Args:
+        sources: each gives snapshots, or rows with a "snapshot".
+        shares: of the sources, in their order; positive, scaled to a sum of 1.
+
+    Raises:
+        ValueError: if there is not one positive share for each source.
+    """
+
+    def __init__(self, sources: Sequence[Starts], shares: Sequence[float]) -> None:
+        if len(sources) != len(shares) or not sources or min(shares) <= 0:
+            raise ValueError(
+                f"every source needs a positive share, got {len(sources)} sources, shares {list(shares)}"
+            )
+        self.sources = list(sources)
+        self.shares = torch.tensor(shares, dtype=torch.float64) / sum(shares)
+
+    def sample(self, n: int, generator: torch.Generator) -> TensorDictBase:
+        """n snapshots, batch size [n]; [0] while a source that was asked is empty."""
+        chosen = torch.multinomial(self.shares, n, replacement=True, generator=generator)
+        order: list[Tensor] = []
+        pieces: list[TensorDictBase] = []
+        for index, source in enumerate(self.sources):
+            rows = (chosen == index).nonzero().squeeze(-1)
+            if not len(rows):
+                continue
+            drawn = source.sample(len(rows), generator)
+            if not drawn.batch_size[0]:
+                return TensorDict(batch_size=[0])
+            order.append(rows)
+            pieces.append(drawn.get("snapshot", drawn))
+        together: TensorDictBase = torch.cat(pieces)  # pyright: ignore[reportAssignmentType]
+        return together[torch.cat(order).argsort()]  # pyright: ignore[reportReturnType]
+
+
+def check_shares(shares: Mapping[str, float]) -> dict[str, float]:
+    """A share for each of `SOURCES`, 0 where none is named.
+
+    Raises:
+        ValueError: for another name, a negative share, or a sum that is not 1.
+    """
+    unknown = [str(name) for name in shares if name not in SOURCES]
+    if unknown:
+        raise ValueError(f"starts have no source {', '.join(unknown)}; valid: {', '.join(SOURCES)}")
+    whole = {name: float(shares.get(name, 0.0)) for name in SOURCES}
+    if min(whole.values()) < 0 or not math.isclose(sum(whole.values()), 1.0, abs_tol=1e-6):
+        raise ValueError(f"shares of starts must not be negative and sum to 1 (chain.starts), got {whole}")
+    return whole
+
+
+def make_starts(
+    shares: Mapping[str, float], env: Any, termination_set: TerminationSet
+) -> tuple[Starts | None, float]:
+    """The source of chained starts, and the probability of drawing from it instead of from the environment.
+
+    Args:
+        shares: by name, see `SOURCES`.
+        env: that the Gaussian's draws are posed in.
+        termination_set: of the skill before, read by handle.
+
+    Source: the paper's appendix C: T-STAR 20% environment and 80% buffer, Policy Sequencing 20% and 80% Gaussian; the
+    code released with it: 20%, 70% buffer, 10% Gaussian.
+    """
+    whole = check_shares(shares)
+    chained = {name: whole[name] for name in ("gaussian", "buffer") if whole[name] > 0}
+    make = {"gaussian": lambda: TerminalGaussian(env, termination_set), "buffer": lambda: termination_set}
+    sources = [make[name]() for name in chained]
+    if not sources:
+        return None, 0.0
+    source = sources[0] if len(sources) == 1 else MixedStarts(sources, list(chained.values()))
+    return source, 1.0 - whole["environment"]
+
+
+def sources(env: TransformedEnv) -> list[Starts]:
+    """What the chained starts of an environment are drawn from; nothing without `SkillChainReset`."""
+    resets = [each for each in cast(Compose, env.transform) if isinstance(each, SkillChainReset)]
+    return [each for reset in resets for each in getattr(reset.starts, "sources", [reset.starts])]
+
+
+def termination_sets(env: TransformedEnv) -> list[TerminationSet]:
+    """The termination sets that an environment's starts are read from."""
+    sets = [getattr(each, "termination_set", each) for each in sources(env)]
+    return [each for each in sets if isinstance(each, TerminationSet)]
+
+
+def gaussian_counts(env: TransformedEnv) -> dict[str, int]:
+    """What the Gaussian among an environment's starts has drawn, as "gaussian_<what>"; nothing without one."""
+    gaussians = [each for each in sources(env) if isinstance(each, TerminalGaussian)]
+    return {f"gaussian_{name}": count for each in gaussians for name, count in each.counts.items()}

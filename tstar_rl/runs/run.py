@@ -1,0 +1,175 @@
+"""What a run leaves behind: a table of metrics, its config, checkpoints to resume from, and a progress bar.
+
+`results/<task>/<recipe>/seed<k>[/subtask<i>]/` holds what is kept (config.yaml, metrics.csv, evaluation.csv, and of
+a chain terminal_states.csv);
+`runs/` mirrors it with what is large or depends on the machine (checkpoints, skills, timing.csv).
+"""
+
+import json
+import math
+import shutil
+import time
+from collections.abc import Mapping
+from typing import Any
+
+from torch import Tensor
+from torchrl.checkpoint import GlobalRNGState
+from tqdm import tqdm
+
+from tstar_rl.runs import checkpoint
+from tstar_rl.runs.csv_tables import MetricsLog
+from tstar_rl.runs.run_folder import run_path, write_config
+
+__all__ = ["MACHINE_ONLY", "Run"]
+
+MACHINE_ONLY = (
+    "nthread",
+    "resume",
+    "results_dir",
+    "runs_dir",
+    "demonstrations_dir",
+    "launch",
+    "cluster",
+    "progress_bar",
+    "evaluation",
+)
+"""Config values that do not change what a run computes."""
+LOGS = ("metrics", "terminal_states", "timing")
+FOLLOWED = ("success_rate", "completed")
+"""Columns of the metrics whose running means are kept."""
+
+
+class Run:
+    """Log, progress bar and checkpoints of one run of a recipe.
+
+    Args:
+        config: plain values; recorded, and compared when resuming.
+        subtask: that the run trains, or None.
+        total: environment steps, for the bar.
+        trials: whether the best so far is told by `trial_progress`, where a row has it; otherwise it is told by a
+            running mean of the subtasks completed in training.
+
+    Raises:
+        CheckpointMismatchError: when resuming a run that had another config.
+    """
+
+    def __init__(
+        self, config: Mapping[str, Any], subtask: int | None = None, total: int = 0, trials: bool = False
+    ) -> None:
+        place = (config["task"]["name"], config["system"], config["seed"], subtask)
+        self.results = run_path(config["results_dir"], *place)
+        self.work = run_path(config["runs_dir"], *place)
+        self.record = {name: value for name, value in config.items() if name not in MACHINE_ONLY}
+        self.record["subtask"] = subtask
+        self.config, self.total, self.trials = config, total, trials
+        self.env_steps, self.seconds, self.turn = 0, 0.0, 0
+        self.recent, self.best, self.improved = dict.fromkeys(FOLLOWED, 0.0), -1.0, False
+        self.components: dict[str, Any] = {}
+        self.metrics = MetricsLog(self.results / "metrics.csv")
+        self.terminal_states = MetricsLog(self.results / "terminal_states.csv")
+        self.timing = MetricsLog(self.work / "timing.csv")
+        self._last_save, self._clock = 0, time.perf_counter()
+        label = config["system"] if subtask is None else f"{config['system']} {subtask}"
+        self.bar = tqdm(
+            total=total,
+            desc=label,
+            unit="step",
+            unit_scale=True,
+            disable=not config["progress_bar"],
+        )
+
+    def start(self, **components: Any) -> int:
+        """Names what a checkpoint holds, resumes from one if there is one, and returns the steps done so far."""
+        self.components = {**components, "run": self, "rng": GlobalRNGState()}
+        (self.work / "finished.json").unlink(missing_ok=True)  # until it is done again
+        found = checkpoint.latest(self.work / "checkpoints") if self.config["resume"] else None
+        if found is None:
+            shutil.rmtree(self.work / "checkpoints", ignore_errors=True)
+            for name in LOGS:
+                getattr(self, name).truncate(0)
+            write_config(self.results, self.config)
+        else:
+            try:
+                checkpoint.load(found, self.components, **self.record)
+            except checkpoint.CheckpointMismatchError as error:
+                raise checkpoint.CheckpointMismatchError(f"{error} (resume=false starts over)") from error
+        self.bar.update(self.env_steps - self.bar.n)
+        self._clock = time.perf_counter()
+        return self.env_steps
+
+    def log(self, env_steps: int, **row: Any) -> None:
+        """Adds a row at `env_steps` and moves the bar."""
+        now = time.perf_counter()
+        steps = env_steps - self.env_steps
+        self.seconds, self._clock = self.seconds + now - self._clock, now
+        self.env_steps = env_steps
+        self._follow(row)
+        self.metrics.append({"env_steps": env_steps, **row})
+        self.timing.append({"env_steps": env_steps, "minutes": self.seconds / 60, "steps": steps})
+        self.bar.update(env_steps - self.bar.n)
+        self.bar.set_postfix(success=f"{self.recent['success_rate']:.2f}")
+
+    def log_terminal_states(self, env_steps: int, skill: int, poses: Tensor) -> None:
+        """Adds one row of terminal_states.csv for each state in which a skill succeeded.
+
+        Args:
+            env_steps: of the run so far.
+            skill: which of the chain.
+            poses: (n, 7 P), position in m and quaternion of each part, world.
+        """
+        for pose in poses.tolist():
+            numbers = {f"pose_{index}": round(number, 5) for index, number in enumerate(pose)}
+            self.terminal_states.append({"env_steps": env_steps, "skill": skill, **numbers})
+
+    def _follow(self, row: Mapping[str, Any]) -> None:
+        """Running means of training, and whether this row is the best so far; of equals, the newest is."""
+        for name in FOLLOWED:
+            value = row.get(name, math.nan)
+            if not math.isnan(value):
+                self.recent[name] += 0.2 * (value - self.recent[name])
+        measured = row.get("trial_progress" if self.trials else "completed", math.nan)
+        judged = measured if self.trials else self.recent["completed"]
+        self.improved = not math.isnan(measured) and judged >= self.best
+        if self.improved:
+            self.best = judged
+
+    def save_if_due(self, every: int) -> None:
+        """Writes a checkpoint if `every` environment steps have gone by since the last one.
+
+        Whatever can `settle` does so first, in a run that goes on just as in one that is resumed.
+        """
+        if self.env_steps - self._last_save < every:
+            return
+        self._last_save = self.env_steps
+        for component in self.components.values():
+            if hasattr(component, "settle"):
+                component.settle()
+        checkpoint.save_step(self.work / "checkpoints", self.env_steps, self.components, self.record)
+
+    def state_dict(self) -> dict[str, Any]:
+        """Where the log stands."""
+        return {
+            **{name: getattr(self, name).rows for name in LOGS},
+            "env_steps": self.env_steps,
+            "seconds": self.seconds,
+            "last_save": self._last_save,
+            "turn": self.turn,
+            "recent": dict(self.recent),
+            "best": self.best,
+        }
+
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
+        """Goes back to where the log stood: rows written since are dropped."""
+        self.env_steps, self.seconds = int(state["env_steps"]), float(state["seconds"])
+        self._last_save, self.turn = int(state["last_save"]), int(state["turn"])
+        self.recent = {name: float(state["recent"][name]) for name in FOLLOWED}
+        self.best = float(state["best"])
+        for name in LOGS:
+            getattr(self, name).truncate(int(state[name]))
+
+    def finish(self) -> None:
+        """Closes the bar and notes that the run is complete."""
+        self.bar.close()
+        (self.work / "finished.json").write_text(
+            json.dumps({"env_steps": self.env_steps, "minutes": self.seconds / 60})
+        )

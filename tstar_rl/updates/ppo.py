@@ -1,0 +1,226 @@
+"""Proximal policy optimisation of a policy and its value network."""
+
+import math
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import torch
+from tensordict import TensorDict, TensorDictBase
+from tensordict.nn import TensorDictSequential
+from torch import Tensor, nn
+from torchrl.modules import ProbabilisticActor
+from torchrl.objectives import ClipPPOLoss
+from torchrl.objectives.value import GAE
+
+from tstar_rl.checks import check_ranges
+from tstar_rl.models.networks import split_encoder
+from tstar_rl.models.return_scale import ReturnScale
+
+PPO_KEYS = ("encoded", "action", "action_log_prob", "advantage", "value_target")
+
+
+@dataclass(frozen=True)
+class PPOSettings:
+    """Source: the paper's appendix for the defaults; what it does not name is off."""
+
+    epochs: int = 10
+    minibatch: int = 128
+    learning_rate: float = 3e-4
+    critic_learning_rate: float | None = None
+    """None: the actor's."""
+    linear_decay: bool = True
+    """Rates fall with the progress after a rollout: of n updates the first has 1 - 1 / n of them, the last none."""
+    clip_epsilon: float = 0.2
+    entropy_coeff: float = 0.003
+    critic_coeff: float = 0.5
+    max_grad_norm: float = 0.5
+    gamma: float = 0.99
+    gae_lambda: float = 0.95
+    kl_stop: float = math.inf
+    """The actor stands still for the rest of an update once the KL of a minibatch exceeds this."""
+    critic_warmup: int = 0
+    """First updates in which the critic alone is trained."""
+    rate_warmup: int = 0
+    """First steps of the actor in which its rate grows linearly: Adam's very first steps have full size."""
+    normalize_returns: bool = False
+    """Divide rewards by the running deviation of discounted returns."""
+    compile: str | None = None
+    """A mode of `torch.compile` for the loss of a minibatch; "reduce-overhead" makes CUDA graphs of it. None: eager."""
+
+    def __post_init__(self) -> None:
+        check_ranges(
+            self,
+            count=("epochs", "minibatch"),
+            positive=("learning_rate", "critic_learning_rate", "clip_epsilon", "max_grad_norm"),
+            not_negative=("entropy_coeff", "critic_coeff", "critic_warmup", "rate_warmup"),
+            share=("gamma", "gae_lambda"),
+            limit=("kl_stop",),
+        )
+
+
+class PolicyUpdate:
+    """Proximal policy optimisation of a policy and its value network on one rollout.
+
+    Args:
+        policy: from `make_policy`.
+        value: from `make_value`, of the same skill.
+        settings: see `PPOSettings`.
+        return_scale: used and updated if the settings say so.
+        seed: of the order of minibatches.
+
+    Source: Schulman et al. 2017, 2016; the paper's appendix.
+    """
+
+    def __init__(
+        self,
+        policy: ProbabilisticActor,
+        value: TensorDictSequential,
+        settings: PPOSettings,
+        return_scale: ReturnScale,
+        seed: int = 0,
+    ) -> None:
+        self.settings = settings
+        self.return_scale = return_scale
+        self.device = next(policy.parameters()).device
+        self.generator = torch.Generator(self.device).manual_seed(seed)
+        self.updates = self.actor_steps = 0
+        self.actor_rate = settings.learning_rate
+        self.carried = torch.zeros((), device=self.device)
+        self.encoder, actor, self.critic = split_encoder(policy, value)
+        self.loss = ClipPPOLoss(
+            actor,
+            self.critic,
+            clip_epsilon=settings.clip_epsilon,
+            entropy_bonus=settings.entropy_coeff > 0,
+            entropy_coeff=settings.entropy_coeff,
+            critic_coeff=settings.critic_coeff,
+            loss_critic_type="l2",
+            normalize_advantage=True,
+            functional=False,
+        )
+        self.losses = (
+            self.loss if settings.compile is None else torch.compile(self.loss, mode=settings.compile)
+        )
+        self.gae = GAE(
+            gamma=settings.gamma,
+            lmbda=settings.gae_lambda,
+            value_network=None,
+            deactivate_vmap=True,
+        )
+        self.actor_parameters, self.critic_parameters = list(actor.parameters()), list(value.parameters())
+        critic_rate = settings.critic_learning_rate or settings.learning_rate
+        adam = partial(torch.optim.Adam, eps=1e-5, fused=True)
+        self.actor_optimizer = adam(self.actor_parameters, lr=settings.learning_rate)
+        self.critic_optimizer = adam(self.critic_parameters, lr=critic_rate)
+
+    def __call__(self, rollout: TensorDictBase, progress: float = 0.0) -> dict[str, float]:
+        """One update on a rollout (N, T) with ("next", "reward"); progress in [0, 1] drives the linear decay."""
+        self._set_learning_rates(progress)
+        batch = self._with_advantage(rollout)
+        actor_moves = self.updates >= self.settings.critic_warmup
+        nothing = torch.zeros((), dtype=torch.float64, device=self.device)
+        log: dict[str, Any] = dict.fromkeys(("kl", "loss_policy", "loss_critic"), nothing)
+        log |= {"actor_steps": 0, "critic_steps": 0}
+        for _ in range(self.settings.epochs):
+            order = torch.randperm(batch.shape[0], generator=self.generator, device=self.device)
+            for rows in order.split(self.settings.minibatch):
+                actor_moves = self._step(batch[rows], actor_moves, log)
+        self.updates += 1
+        log["loss_policy"] = log["loss_policy"] / max(log["actor_steps"], 1)
+        log["loss_critic"] = log["loss_critic"] / max(log["critic_steps"], 1)
+        return {name: float(value) if isinstance(value, Tensor) else value for name, value in log.items()}
+
+    def _step(self, batch: TensorDictBase, actor_moves: bool, log: dict[str, Any]) -> bool:
+        """One minibatch; returns whether the actor may still move in this update.
+
+        What is logged stays on the device. The host waits for it only where a KL may stop the actor.
+        """
+        if actor_moves:
+            losses = self.losses(batch)
+            log["kl"] = losses["kl_approx"].detach().mean().double()
+            actor_moves = math.isinf(self.settings.kl_stop) or float(log["kl"]) <= self.settings.kl_stop
+        loss = critic_loss = losses["loss_critic"] if actor_moves else self.loss.loss_critic(batch)[0].mean()
+        if actor_moves:
+            policy_loss = losses["loss_objective"] + losses.get("loss_entropy", 0.0)
+            loss = policy_loss + critic_loss  # no parameter is in both; a compiled loss has one backward pass
+            self.actor_steps += 1
+            warmth = min(self.actor_steps / max(self.settings.rate_warmup, 1), 1.0)
+            self.actor_optimizer.param_groups[0]["lr"] = warmth * self.actor_rate
+            log["loss_policy"] = log["loss_policy"] + policy_loss.detach()
+            log["actor_steps"] += 1
+        learners = [(self.critic_optimizer, self.critic_parameters)]
+        learners += [(self.actor_optimizer, self.actor_parameters)] if actor_moves else []
+        _descend(loss, learners, self.settings.max_grad_norm)
+        log["loss_critic"] = log["loss_critic"] + critic_loss.detach()
+        log["critic_steps"] += 1
+        return actor_moves
+
+    @torch.no_grad()
+    def _with_advantage(self, rollout: TensorDictBase) -> TensorDictBase:
+        keys = ("reward", "done", "terminated", "observation")
+        batch = rollout.select("observation", "action", "action_log_prob", *(("next", key) for key in keys))
+        if self.settings.normalize_returns:
+            carried = self.carried.expand(rollout.shape[0], 1)
+            paid, done = batch["next", "reward"], batch["next", "done"]
+            reward, self.carried = self.return_scale(paid, done, carried, self.settings.gamma)
+            following = batch["next"].copy()  # pyright: ignore[reportAttributeAccessIssue]
+            batch = batch.copy().set("next", following.set("reward", reward))
+        return self.gae(self._with_values(batch)).select(*PPO_KEYS).reshape(-1)
+
+    def _with_values(self, batch: TensorDictBase) -> TensorDictBase:
+        """Adds "encoded", "state_value" and ("next", "state_value") to a rollout (N, T), looking at each state once.
+
+        A step's next state is the following step's state, but where an episode was truncated: that one, and the last
+        of the rollout, are looked at themselves. What follows a terminated episode counts for nothing.
+        """
+
+        def value(encoded: Tensor) -> Tensor:
+            return self.critic(TensorDict({"encoded": encoded}, encoded.shape[:-1]))["state_value"]
+
+        encode, following = self.encoder.module, batch["next", "observation"]
+        batch.set("encoded", encode(batch["observation"]))
+        values = value(batch["encoded"])
+        next_values = torch.cat([values[:, 1:], value(encode(following[:, -1:]))], dim=1)
+        cut = (batch["next", "done"] & ~batch["next", "terminated"]).squeeze(-1)
+        if bool(cut.any()):
+            next_values[cut] = value(encode(following[cut]))
+        return batch.set("state_value", values).set(("next", "state_value"), next_values)
+
+    def _set_learning_rates(self, progress: float) -> None:
+        if self.settings.linear_decay:
+            share = max(1.0 - progress, 0.0)
+            critic_rate = self.settings.critic_learning_rate or self.settings.learning_rate
+            self.actor_rate = share * self.settings.learning_rate
+            self.critic_optimizer.param_groups[0]["lr"] = share * critic_rate
+
+    def state_dict(self) -> dict[str, Any]:
+        """What the next update depends on, less the networks."""
+        return {
+            "actor_optimizer": self.actor_optimizer.state_dict(),
+            "critic_optimizer": self.critic_optimizer.state_dict(),
+            "generator": self.generator.get_state(),
+            "updates": self.updates,
+            "actor_steps": self.actor_steps,
+            "carried": self.carried,
+        }
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """What `state_dict` gave."""
+        self.actor_optimizer.load_state_dict(state["actor_optimizer"])
+        self.critic_optimizer.load_state_dict(state["critic_optimizer"])
+        self.generator.set_state(state["generator"])
+        self.updates, self.actor_steps = int(state["updates"]), int(state["actor_steps"])
+        self.carried = state["carried"].to(self.device)
+
+
+def _descend(
+    loss: Tensor, learners: list[tuple[torch.optim.Optimizer, list[nn.Parameter]]], max_norm: float
+) -> None:
+    """One step of each optimiser, its parameters' gradient clipped to a norm of its own."""
+    for optimizer, _ in learners:
+        optimizer.zero_grad()
+    loss.backward()
+    for optimizer, parameters in learners:
+        nn.utils.clip_grad_norm_(parameters, max_norm)
+        optimizer.step()
