@@ -58,7 +58,7 @@ def test_skills_are_learnt_on_the_simulator_of_the_gpu_and_resumed(device, tmp_p
     run, resumed = new(), new()
     env.append_transform(SkillExecution(run["agent"].model.decoder, 3, 2))
     collection = Collection(env, run["agent"].actor, 2)
-    rollout = RewardMixture(1.0, 0.0)(collection.rollout())
+    rollout = RewardMixture({"env": 1.0})(collection.rollout())
     assert rollout["next", "done"][:, 1].all() and rollout["skill"].device.type == device
     run["buffer"].extend(rollout.select(*TRANSITION).reshape(-1))
     assert run["update"](run["buffer"], 4)["loss_qvalue"] > 0

@@ -60,7 +60,7 @@ class TestSkillExecution:
 
     def test_mixture_before_and_after_agree(self, make_env):
         for first in (True, False):
-            both = [RewardMixture(1.0, 0.0, reward_scale=0.1), SkillExecution(forward_by, 1, 4)]
+            both = [RewardMixture({"env": 1.0}, reward_scale=0.1), SkillExecution(forward_by, 1, 4)]
             env = TransformedEnv(make_env(), Compose(*(both if first else both[::-1])))
             after = env.rollout(6, skill_policy(0.8), break_when_any_done=False)["next"]
             assert_close(after["reward"], 0.1 * after["reward_env"])

@@ -26,7 +26,7 @@ TRANSFORMS = {
     "GAILReward next": (lambda: GAILReward(Slot(), state="next"), "reward_gail", True),
     "TerminalStateReward": (lambda: TerminalStateReward(Slot()), "reward_tsr", True),
     "TerminalStateReward before": (lambda: TerminalStateReward(Slot(), score="before"), "reward_tsr", True),
-    "RewardMixture": (lambda: RewardMixture(lambda_2=0.0), "reward", True),
+    "RewardMixture": (lambda: RewardMixture({"env": 0.5}), "reward", True),
     "EpisodeStart": (EpisodeStart, "start_observation", False),
     "SkillChainReset": (lambda: SkillChainReset(FixedStarts()), None, False),
     "SkillChainReset mixed": (lambda: SkillChainReset(MixedStarts([FixedStarts()] * 2, [1, 7])), None, False),

@@ -8,7 +8,6 @@ from typing import Any
 import torch
 from omegaconf import DictConfig
 from torch import nn
-
 from torchrl.envs import TransformedEnv
 
 from tstar_rl.chaining.skill import NetworkSettings, Skill
