@@ -15,7 +15,7 @@ from tstar_rl.objectives import GAILDiscriminatorLoss, InitiationSetLoss
 
 @dataclass(frozen=True)
 class DiscriminatorSettings:
-    """Source: environment.md, "discriminators f, D"; the size of an update is the implementation's."""
+    """Source: docs/task.md, "Training figures"; the size of an update is the implementation's."""
 
     learning_rate: float = 1e-4
     minibatch: int = 128
