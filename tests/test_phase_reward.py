@@ -1,4 +1,4 @@
-"""The eight phases on numbers worked by hand. Source of the figures: docs/task.md, "The phases"."""
+"""The eight phases on numbers worked by hand. Source: docs/task.md, "The phases"."""
 
 import math
 
