@@ -19,7 +19,8 @@ from omegaconf import DictConfig
 from tstar_rl.analysis import ablation
 from tstar_rl.analysis.ablation import SKILLS, Variant
 from tstar_rl.analysis.ablation_plots import ablation_bars, ablation_finding, ablation_table, load_ablation
-from tstar_rl.config.build import chain_length, demonstrations_path
+from tstar_rl.config.build import demonstrations_path
+from tstar_rl.config.chain import chain_length
 from tstar_rl.config.load import plain, recipe
 from tstar_rl.launch.backends import launcher
 from tstar_rl.launch.side_by_side import Step, mean_bonus, run_side_by_side
