@@ -20,7 +20,9 @@ COPIED = {"README.md": "index.md", "CONTRIBUTING.md": "contributing.md", "CHANGE
 FIRST = ("task.md", "notation.md", "results.md")
 """Pages of docs/ that the navigation names first, in this order."""
 NOT_SHOWN = ("results_notes.md",)
-LINK = re.compile(r"(?P<head>!?\[[^\]]*\]\(|\bsrc=\")(?P<target>[^)\"\s#]+)(?P<tail>#[^)\"\s]*)?(?P<end>\)|\")")
+LINK = re.compile(
+    r"(?P<head>!?\[[^\]]*\]\(|\bsrc=\")(?P<target>[^)\"\s#]+)(?P<tail>#[^)\"\s]*)?(?P<end>\)|\")"
+)
 
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
@@ -99,7 +101,12 @@ def notebooks() -> list[Path]:
 
 def decision_index() -> str:
     """A page that lists the decisions by their titles."""
-    lines = ["# Decisions", "", "Why things are as they are: what was decided, why, and what was measured.", ""]
+    lines = [
+        "# Decisions",
+        "",
+        "Why things are as they are: what was decided, why, and what was measured.",
+        "",
+    ]
     for path in sorted((ROOT / "docs/decisions").glob("*.md")):
         lines.append(f"- [{path.read_text().splitlines()[0].removeprefix('# ')}]({path.name})")
     return "\n".join(lines)
