@@ -1,4 +1,4 @@
-"""The eight phases on numbers worked by hand. Source of the figures: environment.md, "Dense reward"."""
+"""The eight phases on numbers worked by hand. Source: docs/task.md, "The phases"."""
 
 import math
 

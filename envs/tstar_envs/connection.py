@@ -1,6 +1,6 @@
 """When two connectors are aligned, which connections are wrong, and how a weld is made.
 
-Source: environment.md, "Connecting".
+Source: docs/task.md, "Connection".
 """
 
 from __future__ import annotations

@@ -137,7 +137,7 @@ class BatchedEnvironment:
         self.task.after_step(self.state, action, failed)
 
     def observation(self) -> Tensor:
-        """Observation (N, O), float64; O is 37 and 7 for each part. Source: environment.md, "Observation"."""
+        """Observation (N, O), float64; O is 37 and 7 for each part. Source: docs/task.md, "Observation"."""
         return self.task.get_observation(self.state)
 
     def expert(self) -> Assembler:

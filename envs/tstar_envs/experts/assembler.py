@@ -1,7 +1,7 @@
 """The scripted assembly policy: what to do next is read off the scene alone, so it can start from any state.
 
 Reach over the part, lower, close, lift, turn the connector upright over the target, lower finely, connect. It acts
-through the same nine actions as any policy. Source: environment.md, "Scripted demonstrations".
+through the same nine actions as any policy. Source: docs/task.md, "Expert".
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Furniture assembly as a batched task: observation, subtasks, connections, reward, termination.
 
-Source: environment.md.
+Source: docs/task.md.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ A phase's *potential* is its clipped distances times their coefficients; the rew
 potential of the current phase fell by, and a bonus when its condition holds. Everything is computed for all eight
 phases at once, (N, 8), and the current one is picked, so no shape depends on data.
 
-Source: environment.md, "Dense reward of one subtask".
+Source: docs/task.md, "Dense reward of one subtask".
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """What one control step pays: the phases of `phase_reward` picked by each simulation's phase, and what pays always.
 
-Source: environment.md, "Dense reward of one subtask".
+Source: docs/task.md, "Dense reward of one subtask".
 """
 
 from __future__ import annotations
