@@ -23,8 +23,7 @@ from tstar_rl.runs import checkpoint
 from tstar_rl.runs.checkpoint import differences
 from tstar_rl.runs.run_folder import run_path
 from tstar_rl.seeds import derive_seed
-from tstar_rl.spirl.agent import SkillAgent
-from tstar_rl.spirl.skill_model import SkillModelSettings
+from tstar_rl.spirl import LatentModelSettings, SpirlAgent
 
 __all__ = [
     "chain_length",
@@ -37,7 +36,7 @@ __all__ = [
     "load_skills",
     "make_collection",
     "new_skill",
-    "new_skill_agent",
+    "new_spirl_agent",
     "trial_environment",
 ]
 
@@ -112,7 +111,7 @@ def new_skill(config: DictConfig, subtask: int | None) -> Skill:
     return skill.to(config.device)
 
 
-def new_skill_agent(config: DictConfig, subtask: int | None) -> SkillAgent:
+def new_spirl_agent(config: DictConfig, subtask: int | None) -> SpirlAgent:
     """An untrained agent of SPiRL, its weights drawn with the run's seed."""
     from tstar_rl.env.furniture_env import observation_dim
 
@@ -122,9 +121,8 @@ def new_skill_agent(config: DictConfig, subtask: int | None) -> SkillAgent:
             raise ValueError("networks.features of SPiRL needs one subtask: set subtask=0..")
         geometry = environment(config, subtask, 1, 0).base_env.features(subtask)
     torch.manual_seed(derive_seed(config.seed, "networks", subtask))
-    model = settings(SkillModelSettings, config.spirl.model)
-    name, hidden = config.task.name, tuple(config.spirl.critic_hidden)
-    return SkillAgent(name, subtask, model, hidden, geometry, observation_dim(name)).to(config.device)
+    model, name = settings(LatentModelSettings, config.spirl.model), config.task.name
+    return SpirlAgent(name, subtask, model, observation_dim(name), geometry).to(config.device)
 
 
 def demonstrations_path(config: DictConfig, subtask: int | None, kind: str) -> Path:
@@ -187,10 +185,10 @@ def explore(skill: Skill, config: DictConfig, progress: float) -> None:
     set_action_std(skill.policy, [arm] * 7 + [hand] * 2)
 
 
-def load_skill(path: str | Path, **expected: Any) -> Skill | SkillAgent:
+def load_skill(path: str | Path, **expected: Any) -> Skill | SpirlAgent:
     """What a recipe saved at `path`, whichever of the two it is; raises what their `load` does."""
     built = checkpoint.read_record(path)["built"]
-    return (SkillAgent if "critic_hidden" in built else Skill).load(path, **expected)
+    return (SpirlAgent if "latent_model" in built else Skill).load(path, **expected)
 
 
 def make_collection(
