@@ -58,22 +58,22 @@ def test_gaussian_kl_of_diagonal_gaussians():
     assert_close(back, torch.tensor(2.0 - math.log(2)))
 
 
-def test_skill_reconstruction_is_half_the_mean_squared_error():
-    loss = equations.skill_reconstruction_loss(torch.tensor([[1.0, 2.0]]), torch.tensor([[0.0, 0.0]]))
+def test_latent_reconstruction_is_half_the_mean_squared_error():
+    loss = equations.latent_reconstruction_loss(torch.tensor([[1.0, 2.0]]), torch.tensor([[0.0, 0.0]]))
     assert_close(loss, torch.tensor(1.25))  # 0.5 (1 + 4) / 2
 
 
-def test_skill_regularisation_is_beta_times_the_divergence_from_a_unit_gaussian():
-    loss = equations.skill_regularisation_loss(
+def test_latent_regularisation_is_beta_times_the_divergence_from_a_unit_gaussian():
+    loss = equations.latent_regularisation_loss(
         torch.tensor([[1.0, 0.0], [0.0, 0.0]]), torch.ones(2, 2), beta=0.1
     )
     assert_close(loss, torch.tensor(0.025))  # (1/2 + 0) / 2 windows, times 0.1
 
 
-def test_the_skill_prior_follows_and_the_posterior_does_not_mind():
+def test_the_latent_prior_follows_and_the_posterior_does_not_mind():
     loc, prior_loc = torch.tensor([[1.0]], requires_grad=True), torch.tensor([[3.0]], requires_grad=True)
     one = torch.ones(1, 1)
-    loss = equations.skill_prior_loss(loc, one, prior_loc, one)
+    loss = equations.latent_prior_loss(loc, one, prior_loc, one)
     assert_close(loss.detach(), torch.tensor(2.0))  # (1 - 3)^2 / 2
     loss.backward()
     assert loc.grad is None

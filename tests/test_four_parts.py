@@ -17,14 +17,14 @@ from tstar_rl.config.build import (
     environment,
     load_demonstrations,
     new_skill,
-    new_skill_agent,
+    new_spirl_agent,
 )
 from tstar_rl.config.load import CONFIGS
 from tstar_rl.demonstrations.collect import collect
 from tstar_rl.env.layout import observation_size
 from tstar_rl.rollouts.collection import Collection
 from tstar_rl.rollouts.episodes import run_episodes
-from tstar_rl.spirl.agent import SkillAgent
+from tstar_rl.spirl import SpirlAgent
 from tstar_rl.transforms import GAILReward, RewardMixture
 from tstar_rl.updates import (
     BehaviourCloningSettings,
@@ -103,12 +103,12 @@ def test_a_chain_runs_and_its_sets_are_started_from(made):
 
 
 def test_an_agent_of_spirl_acts(made, tmp_path):
-    values = config(tmp_path, "spirl", "spirl.model.hidden=[16]", "spirl.critic_hidden=[16]")
-    agent = new_skill_agent(values, 0)
+    values = config(tmp_path, "spirl", "spirl.model.hidden=[16]", "spirl.policy.critic_hidden=[16]")
+    agent = new_spirl_agent(values, 0)
     last = run_episodes(environment(values, 0, 2, 0, max_steps=2), agent.policy)
     assert last["observation"].shape == (2, SIZE)
     agent.save(tmp_path / "agent")
-    assert SkillAgent.load(tmp_path / "agent").obs_dim == SIZE
+    assert SpirlAgent.load(tmp_path / "agent").obs_dim == SIZE
 
 
 def test_observations_of_other_furniture_are_refused_by_name(made):
