@@ -55,11 +55,13 @@ class CpuPhysics:
         sensor = self.model.sensor(name)
         return self._sensors[:, sensor.adr[0] : sensor.adr[0] + sensor.dim[0]]
 
-    def step(self, substeps: int) -> Tensor:
-        return self._advance(None, substeps)
+    def step(self, substeps: int, mask: Tensor | None = None) -> Tensor:
+        if mask is None:
+            return self._advance(None, substeps)
+        return self._advance(mask.numpy(), substeps) & mask
 
     def settle(self, mask: Tensor, substeps: int) -> Tensor:
-        return self._advance(mask.numpy(), substeps)
+        return self.step(substeps, mask)
 
     def forward(self, mask: Tensor | None = None) -> None:
         # An error leaves the state untouched: the next step meets it again and reports it as a failure.

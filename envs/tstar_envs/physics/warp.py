@@ -94,12 +94,16 @@ class WarpPhysics:
         sensor = self.model.sensor(name)
         return self._sensors[:, sensor.adr[0] : sensor.adr[0] + sensor.dim[0]]
 
-    def step(self, substeps: int) -> Tensor:
+    def step(self, substeps: int, mask: Tensor | None = None) -> Tensor:
+        before = None if mask is None else (self.state(), self.eq_data.clone())
         failed, cramped = self._advance(substeps)
         self._steps += 1
         if self._steps % CHECKED_EVERY == 0:
             self.check_room()
-        return failed | cramped
+        if mask is None or before is None:
+            return failed | cramped
+        self.set_state(*before, ~mask)
+        return (failed | cramped) & mask
 
     def settle(self, mask: Tensor, substeps: int) -> Tensor:
         before, welds = self.state(), self.eq_data.clone()
