@@ -4,11 +4,11 @@ import pytest
 import torch
 from tensordict import TensorDict
 from torch import Tensor
+from worlds import make
 
 from tstar_envs.environment import BatchedEnvironment
 from tstar_rl.collection import with_starts
 from tstar_rl.furniture_env import FurnitureEnv
-from worlds import make
 
 N = 4
 FAILED = torch.tensor([False, True, False, False])

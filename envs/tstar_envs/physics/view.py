@@ -51,7 +51,7 @@ class PhysicsView(Protocol):
         ...
 
     def settle(self, mask: Tensor, substeps: int) -> Tensor:
-        """Advances the simulations of `mask` while their parts come to rest; returns the mask (N,) of those that failed.
+        """Advances the simulations of `mask` while parts come to rest; returns the mask (N,) of those that failed.
 
         Unlike `step` it raises, where a simulator has too little room for parts at rest.
         """
