@@ -5,6 +5,7 @@ Source: environment.md, "Connecting".
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
@@ -17,6 +18,8 @@ from tstar_envs.furniture.schema import Furniture
 MAX_DISTANCE = 0.02
 MIN_UP_COSINE = 0.99
 MIN_FORWARD_COSINE = 0.99
+ALIGNED = ((-math.inf, MAX_DISTANCE), (MIN_FORWARD_COSINE, math.inf), (MIN_UP_COSINE, math.inf))
+"""The connection rule as bounds, which are excluded: of distance, forward and up cosine."""
 
 
 class Alignment(NamedTuple):

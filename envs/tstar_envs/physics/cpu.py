@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import contextlib
 import warnings
+from collections.abc import Sequence
 
 import mujoco
 import numpy as np
 import torch
 from mujoco import batch as mj_batch
 from torch import Tensor
+
+from tstar_envs.physics.state_row import side_by_side
 
 _CURRENT = mujoco.mjtStage.mjSTAGE_VEL.value
 """Stage computed after every call: positions, velocities and their sensors (not accelerations)."""
@@ -54,6 +57,9 @@ class CpuPhysics:
     def sensor(self, name: str) -> Tensor:
         sensor = self.model.sensor(name)
         return self._sensors[:, sensor.adr[0] : sensor.adr[0] + sensor.dim[0]]
+
+    def sensors(self, names: Sequence[str]) -> Tensor:
+        return self._sensors[:, side_by_side(self.model, names)]
 
     def step(self, substeps: int, mask: Tensor | None = None) -> Tensor:
         if mask is None:

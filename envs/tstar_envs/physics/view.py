@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Protocol
 
 import torch
@@ -40,6 +41,10 @@ class PhysicsView(Protocol):
 
     def sensor(self, name: str) -> Tensor:
         """Readings of a sensor, (N, dim)."""
+        ...
+
+    def sensors(self, names: Sequence[str]) -> Tensor:
+        """Readings of sensors that lie side by side in the model, in this order, (N, sum of dims); a live view."""
         ...
 
     def step(self, substeps: int, mask: Tensor | None = None) -> Tensor:

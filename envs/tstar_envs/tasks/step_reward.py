@@ -13,8 +13,11 @@ from tstar_envs.robots import sawyer
 from tstar_envs.settings import TaskSettings
 from tstar_envs.tasks import phase_reward
 from tstar_envs.tasks.actions import CONNECT, GRIPPER
-from tstar_envs.tasks.phase_reward import Scene
+from tstar_envs.tasks.phase_reward import PHASES, PhaseTables
 from tstar_envs.tasks.recipe_tables import RecipeTables
+from tstar_envs.tasks.scene_reader import Scene
+
+_GRASP, _LIFT, _FINE = (PHASES.index(name) for name in ("grasp_leg", "lift_leg", "move_leg_fine"))
 
 
 class StepReward:
@@ -24,17 +27,33 @@ class StepReward:
     """
 
     def __init__(self, tables: RecipeTables, device: torch.device, settings: TaskSettings):
-        self.tables = tables
-        self._bonuses = phase_reward.BONUS * torch.tensor(
-            phase_reward.BONUS_SHARES, dtype=torch.float64, device=device
-        )
+        self.phases = PhaseTables(device)
         self._pays_skipped = settings.skipped_phases == "paid"
-        remaining = self._bonuses.flip(0).cumsum(0).flip(0)  # of a phase and those after it
-        self._joining = remaining if self._pays_skipped else self._bonuses[-1:].expand_as(self._bonuses)
+        bonuses = [phase_reward.BONUS * share for share in phase_reward.BONUS_SHARES]
+        remaining = [sum(bonuses[i:]) for i in range(len(PHASES))]  # of a phase and those after it
+        joining = remaining if self._pays_skipped else bonuses[-1:] * len(PHASES)
+        numbers = range(len(PHASES))
+        rows = {
+            "bonus": bonuses,
+            "joining": joining,
+            "closing": [200.0 * (i == _GRASP) for i in numbers],
+            "asking": [10.0 * (i == _FINE) for i in numbers],
+            "grip": [-1.0 if i < _GRASP else 1.0 for i in numbers],
+            "tilt": [4.0 * (i <= _LIFT) for i in numbers],
+            "turn": [2.0 * (1 <= i <= _LIFT) for i in numbers],
+        }
+        self._by_phase = torch.tensor(
+            list(zip(*rows.values(), strict=True)), dtype=torch.float64, device=device
+        )
+        """(8, 7): bonus; bonus of joining; what closing, asking, the gripper's sign, tilt and turn of the hand pay."""
+        self._half = 0.5 * bonuses[_LIFT]
+        self._rise = tables.waypoint[:, 2].index_select(
+            0, tables.step_index(torch.arange(tables.num_steps + 1, device=device))
+        )
 
-    def potentials(self, scene: Scene, state: TensorDict) -> Tensor:
+    def potentials(self, scene: Scene) -> Tensor:
         """Potential of each phase, (N, 8)."""
-        return phase_reward.potentials(scene, state["start_tip"], state["lift_point"], self.tables.z_finedist)
+        return self.phases.potentials(scene.measures)
 
     def pay(self, state: TensorDict, scene: Scene, action: Tensor, connected: Tensor) -> Tensor:
         """Reward (N,) of the step that led to `scene`; moves `phase`, `potential` and what was paid on in `state`.
@@ -43,47 +62,45 @@ class StepReward:
         from any phase. With skipped phases paid it pays what the phases left out would have, so that a policy that
         joins early does not earn less than one that lifts, aligns and then fails; unpaid, the last bonus alone.
         """
-        phase, grip = state["phase"], action[:, GRIPPER]
-        potential = self.potentials(scene, state)
-        carrying = phase >= 4
-        fall = (state["potential"] - potential).gather(-1, phase.unsqueeze(-1)).squeeze(-1)
-        lost = carrying & ~scene.touching & ~connected
-        difference = phase_reward.DIFFERENCE_SCALE * torch.where(lost, fall.clamp_max(0), fall)
-        difference = difference + 200.0 * (grip - state["grip_action"]) * (phase == 3)
-
-        met = phase_reward.conditions(
-            scene, state["start_tip"], state["lift_point"], self.tables.z_finedist, grip < 0, connected
+        phase, half_paid, grip, connect = (
+            state["phase"],
+            state["half_paid"],
+            action[:, GRIPPER],
+            action[:, CONNECT],
         )
-        done = met.gather(-1, phase.unsqueeze(-1)).squeeze(-1) | connected
-        paid = torch.where(connected, self._joining[phase], self._bonuses[phase]) * done
-        rise = self.tables.waypoint[self.tables.step_index(state["subtask"]), 2]
-        off_ground = phase_reward.off_ground(scene, state["lift_point"], rise)
-        raised = ~state["half_paid"] & (phase == 4) & off_ground
-        if self._pays_skipped:
-            raised = raised | (~state["half_paid"] & connected & (phase <= 4))
-        asking = 10.0 * (action[:, CONNECT] + 1) * ((phase == 7) & scene.alignment.aligned & ~connected)
-        bonus = paid + 0.5 * self._bonuses[4] * raised + asking - state["asked"] * connected
+        bonus, joining, closing, asks, sign, tilt, turn = self._by_phase.index_select(0, phase).unbind(-1)
+        potential, row, not_connected = self.potentials(scene), phase.unsqueeze(-1), ~connected
+        fall = (state["potential"] - potential).gather(-1, row).squeeze(-1)
+        lost = (phase >= _LIFT) & ~scene.touching & not_connected
+        difference = phase_reward.DIFFERENCE_SCALE * torch.where(lost, fall.clamp_max(0), fall)
+        difference = difference + (grip - state["grip_action"]) * closing
 
-        every_step = _every_step(state, scene, action, lost)
-        state["half_paid"] = state["half_paid"] | raised
+        met = self.phases.conditions(scene.measures, scene.touching, grip < 0, connected)
+        done = met.gather(-1, row).squeeze(-1) | connected
+        raised = self._raised(state, scene, phase, connected) & ~half_paid
+        asking = (connect + 1) * asks * (scene.aligned & not_connected)
+        paid = torch.where(connected, joining, bonus) * done + self._half * raised
+        paid = paid + asking - state["asked"] * connected
+
+        always = -0.001 * torch.linalg.vector_norm(action[:, : sawyer.NUM_JOINTS], dim=-1) + sign * grip
+        always = always - 50.0 * moved(scene)
+        always = (
+            always + ((scene.measure("down") - 1) * tilt + (scene.measure("turn") - 1) * turn) - 20.0 * lost
+        )
+        state["half_paid"] = half_paid | raised
         state["asked"] = state["asked"] + asking
         state["potential"], state["grip_action"] = potential, grip.clone()
-        state["phase"] = (phase + (done & ~connected)).clamp_max(len(phase_reward.PHASES) - 1)
-        return difference + bonus + every_step
+        state["phase"] = (phase + (done & not_connected)).clamp_max(len(PHASES) - 1)
+        return difference + paid + always
+
+    def _raised(self, state: TensorDict, scene: Scene, phase: Tensor, connected: Tensor) -> Tensor:
+        """(N,) bool: the part is a centimetre above where it lay, which the lift point is a known rise above."""
+        rise = self._rise.index_select(0, state["subtask"])
+        high = scene.part[:, 2] > state["lift_point"][:, 2] - rise + phase_reward.OFF_GROUND
+        raised = (phase == _LIFT) & high
+        return raised | (connected & (phase <= _LIFT)) if self._pays_skipped else raised
 
 
-def moved(state: TensorDict, scene: Scene) -> Tensor:
+def moved(scene: Scene) -> Tensor:
     """How far the target connector is from where it was when the subtask began, m, (N,)."""
-    return (scene.target_connector - state["start_target"]).norm(dim=-1)
-
-
-def _every_step(state: TensorDict, scene: Scene, action: Tensor, lost: Tensor) -> Tensor:
-    """What every control step pays, (N,): control, gripper, moved target, tilted grip, dropped part."""
-    grip = action[:, GRIPPER]
-    return (
-        -0.001 * action[:, : sawyer.NUM_JOINTS].norm(dim=-1)
-        + torch.where(state["phase"] <= 2, -grip, grip)
-        - 50.0 * moved(state, scene)
-        + phase_reward.grip_penalty(scene, state["phase"])
-        - 20.0 * lost
-    )
+    return scene.measure("target_moved")
