@@ -10,14 +10,18 @@ from torch import Tensor
 
 from tstar_envs.connection import Alignment, align
 from tstar_envs.tasks.assembly import Assembly
-from tstar_envs.tasks.measures import ABOVE, BELOW, VECTORS
-from tstar_envs.tasks.phase_reward import BONUS, BONUS_SHARES, DIFFERENCE_SCALE, MIN_GRIP_COSINE, OFF_GROUND
-from tstar_envs.tasks.scene_reader import Scene
+from tstar_envs.tasks.measures import ABOVE, BELOW
+from tstar_envs.tasks.phase_reward import BONUS, BONUS_SHARES, DIFFERENCE_SCALE, MIN_GRIP_COSINE
+from tstar_envs.tasks.scene_reader import OFF_GROUND, Scene
+
+
+def _norm(vectors: Tensor) -> Tensor:
+    return vectors.square().sum(-1).sqrt()
 
 
 def potentials(scene: Scene, start_tip: Tensor, lift_point: Tensor, z_finedist: float) -> Tensor:
     """Potential of each phase, (N, 8)."""
-    lift = (scene.part - lift_point).norm(dim=-1)
+    lift = _norm(scene.part - lift_point)
     return torch.stack(
         [
             init_eef(scene, start_tip),
@@ -35,23 +39,23 @@ def potentials(scene: Scene, start_tip: Tensor, lift_point: Tensor, z_finedist: 
 
 def init_eef(scene: Scene, start_tip: Tensor) -> Tensor:
     """Potential (N,) of phase 0: the tip near where the subtask began."""
-    return -100.0 * torch.exp(-10.0 * (scene.tip - start_tip).norm(dim=-1).clamp_max(0.5))
+    return -100.0 * torch.exp(-10.0 * _norm(scene.tip - start_tip).clamp_max(0.5))
 
 
 def move_eef_above_leg(scene: Scene) -> Tensor:
     """Potential (N,) of phase 1: the tip to a point above the grasp point."""
-    return 100.0 * (scene.tip - _raised(scene.grasp_point, ABOVE)).norm(dim=-1).clamp_max(1.0)
+    return 100.0 * _norm(scene.tip - _raised(scene.grasp_point, ABOVE)).clamp_max(1.0)
 
 
 def lower_eef(scene: Scene) -> Tensor:
     """Potential (N,) of phases 2 and 3: the tip to a point below the grasp point."""
-    return 1000.0 * (scene.tip - _raised(scene.grasp_point, -BELOW)).norm(dim=-1).clamp_max(0.2)
+    return 1000.0 * _norm(scene.tip - _raised(scene.grasp_point, -BELOW)).clamp_max(0.2)
 
 
 def lift_leg(scene: Scene, lift_point: Tensor) -> Tensor:
     """Potential (N,) of phase 4: the part to the lift point."""
     offset = scene.part - lift_point
-    return 500.0 * offset[:, 2].abs().clamp_max(0.5) + 250.0 * offset[:, :2].norm(dim=-1).clamp_max(0.8)
+    return 500.0 * offset[:, 2].abs().clamp_max(0.5) + 250.0 * _norm(offset[:, :2]).clamp_max(0.8)
 
 
 def align_leg(alignment: Alignment, lift_distance: Tensor) -> Tensor:
@@ -89,11 +93,11 @@ def conditions(
     upright = (scene.alignment.up_cosine > 0.85) & (scene.alignment.forward_cosine > 0.85) & scene.touching
     down = (scene.approach * scene.grip_direction).sum(-1) > MIN_GRIP_COSINE
     gripping = down & ((scene.closing * scene.grasp_axis).sum(-1).abs() > MIN_GRIP_COSINE)
-    at_start = (scene.tip - start_tip).norm(dim=-1) < 0.03
-    above = (scene.tip - _raised(scene.grasp_point, ABOVE)).norm(dim=-1) < 0.03
-    lowered = (to_lower[:, :2].norm(dim=-1) < 0.02) & (to_lower[:, 2].abs() < 0.015)
+    at_start = _norm(scene.tip - start_tip) < 0.03
+    above = _norm(scene.tip - _raised(scene.grasp_point, ABOVE)) < 0.03
+    lowered = (_norm(to_lower[:, :2]) < 0.02) & (to_lower[:, 2].abs() < 0.015)
     held = scene.touching & (scene.tip[:, 2] < scene.grasp_point[:, 2])
-    lifted = (to_lift[:, 2].abs() < 0.02) & (to_lift[:, :2].norm(dim=-1) < 0.05)
+    lifted = (to_lift[:, 2].abs() < 0.02) & (_norm(to_lift[:, :2]) < 0.05)
     return torch.stack(
         [
             at_start & down & hand_open,
@@ -101,7 +105,7 @@ def conditions(
             lowered & gripping & hand_open,
             held & gripping,
             lifted & gripping,
-            (to_lift.norm(dim=-1) < 0.2) & upright,
+            (_norm(to_lift) < 0.2) & upright,
             (_fine_distance(scene, z_finedist) < 0.06) & upright,
             connected,
         ],
@@ -111,7 +115,7 @@ def conditions(
 
 def off_ground(scene: Scene, lift_point: Tensor, rise: Tensor) -> Tensor:
     """Whether the part is a centimetre above where it lay, (N,) bool; the lift point is `rise` (N,), m, above that."""
-    return scene.part[:, 2] > lift_point[:, 2] - rise + OFF_GROUND
+    return scene.part[:, 2] - lift_point[:, 2] > OFF_GROUND - rise
 
 
 def grip_penalty(scene: Scene, phase: Tensor) -> Tensor:
@@ -122,7 +126,7 @@ def grip_penalty(scene: Scene, phase: Tensor) -> Tensor:
 
 
 def _fine_distance(scene: Scene, z_finedist: float) -> Tensor:
-    return (scene.moving_connector - _raised(scene.target_connector, z_finedist)).norm(dim=-1)
+    return _norm(scene.moving_connector - _raised(scene.target_connector, z_finedist))
 
 
 def _raised(point: Tensor, height: float) -> Tensor:
@@ -149,8 +153,8 @@ def reward(task: Assembly, before, scene: Scene, action: Tensor, connected: Tens
     raised = raised | (~before["half_paid"] & connected & (phase <= 4))
     asking = 10.0 * (action[:, 8] + 1) * ((phase == 7) & scene.alignment.aligned & ~connected)
     bonus = paid + 0.5 * bonuses[4] * raised + asking - before["asked"] * connected
-    moved = (scene.target_connector - before["start_target"]).norm(dim=-1)
-    always = -0.001 * action[:, :7].norm(dim=-1) + torch.where(phase <= 2, -grip, grip) - 50.0 * moved
+    moved = _norm(scene.target_connector - before["start_target"])
+    always = torch.where(phase <= 2, -grip, grip) - 0.001 * action[:, :7].norm(dim=-1) - 50.0 * moved
     return difference + bonus + (always + grip_penalty(scene, phase) - 20.0 * lost)
 
 
@@ -158,7 +162,10 @@ def alignment(task: Assembly, scene: Scene, subtask: Tensor) -> Alignment:
     """How connectors lie, from their axes."""
 
     def axes(frame: str) -> Tensor:
-        return torch.stack([scene.vectors[:, VECTORS[f"{frame}.{axis}"]] for axis in "xyz"], dim=-1)
+        y, z = (scene.vector(f"{frame}.{axis}") for axis in "yz")
+        return torch.stack([torch.linalg.cross(y, z), y, z], dim=-1)
 
     angles = task.tables.allowed_angles[task.tables.step_index(subtask)]
-    return align(scene.moving_connector, axes("moving"), scene.target_connector, axes("target"), angles)
+    target = axes("target")
+    target[..., 0] = scene.vector("target.x")
+    return align(scene.moving_connector, axes("moving"), scene.target_connector, target, angles)

@@ -23,7 +23,7 @@ def potential(phase: str, **changed) -> float:
 def met(phase: str, hand_open: Tensor = OPEN, connected: Tensor = NO, **changed) -> bool:
     found = scene(**changed)
     held = TABLES.conditions(found.measures, found.touching, hand_open, connected)
-    return bool(held[0, PHASES[phase]])
+    return bool(held[PHASES[phase], 0])
 
 
 def test_potentials_are_in_the_order_of_the_phases():
@@ -74,16 +74,16 @@ def test_move_leg_fine():
 
 def test_what_is_measured_between_connectors():
     """The moving one is turned by 60 degrees about x and lies at 3-4-5 in y and z from the target."""
-    vectors = torch.zeros(1, len(VECTORS), 3, dtype=torch.float64)
+    vectors = torch.zeros(3, len(VECTORS), 1, dtype=torch.float64)
     half, root = 0.5, math.sqrt(0.75)
     named = {
-        "moving.x": (1, 0, 0), "moving.y": (0, half, root), "moving.z": (0, -root, half), "target.x": (1, 0, 0),
+        "moving.y": (0, half, root), "moving.z": (0, -root, half), "target.x": (1, 0, 0),
         "target.y": (0, 1, 0), "target.z": (0, 0, 1), "target.connector": (0, 0.03, 0.04), "start_target": (0, 0.03, 0),
         "hand.origin": (0, 0, -0.02), "hand.y": (0, -1, 0), "moving.grasp_axis": (0, 0.6, 0.8),
     }  # fmt: skip
     for name, value in named.items():
-        vectors[:, VECTORS[name]] = row(*value)
-    found = {name: measured(vectors)[0, i].item() for name, i in MEASURES.items()}
+        vectors[:, VECTORS[name]] = row(*value).t()
+    found = {name: measured(vectors)[i, 0].item() for name, i in MEASURES.items()}
     assert_close(found["gap"], 0.05)
     assert_close(found["to_fine"], math.hypot(0.03, 0.04 + 0.05))
     assert_close(found["target_moved"], 0.04)

@@ -52,7 +52,7 @@ def align(
         allowed_angles: (N, R), rad, turns about z that count as forward-aligned.
     """
     offset = target_pos - moving_pos
-    distance = offset.norm(dim=-1)
+    distance = offset.square().sum(-1).sqrt()
     line = offset / distance.clamp_min(1e-9).unsqueeze(-1)
     (_, forward, up), (across, along, above) = moving_axes.unbind(-1), target_axes.unbind(-1)
     turned = allowed_angles.cos() * _dot(forward, along) - allowed_angles.sin() * _dot(forward, across)

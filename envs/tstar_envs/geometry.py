@@ -6,8 +6,6 @@ position and a quaternion. Angles are in rad. Nothing here normalises: what goes
 
 from __future__ import annotations
 
-import functools
-
 import torch
 from torch import Tensor
 
@@ -41,26 +39,15 @@ def quat_rotate(q: Tensor, v: Tensor) -> Tensor:
 
 def quat_to_matrix(q: Tensor) -> Tensor:
     """Rotation matrices (..., 3, 3) of quaternions (..., 4); their columns are the frame's axes."""
-    first, second, sign, scale, one = _matrix_tables(q.device, q.dtype)
-    products = (q.unsqueeze(-1) * q.unsqueeze(-2)).flatten(-2)
-    sums = torch.addcmul(products.index_select(-1, first), products.index_select(-1, second), sign)
-    return torch.addcmul(one, sums, scale).unflatten(-1, (3, 3))
-
-
-@functools.cache
-def _matrix_tables(device: torch.device, dtype: torch.dtype) -> tuple[Tensor, ...]:
-    """Of each entry of a rotation matrix: two products of quaternion entries, the second's sign, scale, constant."""
-    w, x, y, z = range(4)
-    entries = (
-        (y, y, z, z, 1), (x, y, w, z, -1), (x, z, w, y, 1),
-        (x, y, w, z, 1), (x, x, z, z, 1), (y, z, w, x, -1),
-        (x, z, w, y, -1), (y, z, w, x, 1), (x, x, y, y, 1),
+    w, x, y, z = q.unbind(-1)
+    xx, yy, zz = x * x, y * y, z * z
+    xy, xz, yz, wx, wy, wz = x * y, x * z, y * z, w * x, w * y, w * z
+    rows = (
+        1 - 2 * (yy + zz), 2 * (xy - wz), 2 * (xz + wy),
+        2 * (xy + wz), 1 - 2 * (xx + zz), 2 * (yz - wx),
+        2 * (xz - wy), 2 * (yz + wx), 1 - 2 * (xx + yy),
     )  # fmt: skip
-    first = torch.tensor([4 * a + b for a, b, _, _, _ in entries], device=device)
-    second = torch.tensor([4 * c + d for _, _, c, d, _ in entries], device=device)
-    sign = torch.tensor([sign for *_, sign in entries], dtype=dtype, device=device)
-    one = torch.eye(3, dtype=dtype, device=device).flatten()
-    return first, second, sign, 2 - 4 * one, one  # 1 - 2 (a + b) on the diagonal, 2 (a + b) beside it
+    return torch.stack(rows, -1).unflatten(-1, (3, 3))
 
 
 def axis_angle_quat(axis: Tensor, angle: Tensor) -> Tensor:

@@ -32,8 +32,6 @@ BONUS = 5000.0
 BONUS_SHARES = (1.0, 1.0, 1.0, 1.0, 1.0, 2.0, 2.0, 2.0)
 DIFFERENCE_SCALE = 10.0
 MIN_GRIP_COSINE = 0.95
-OFF_GROUND = 0.01
-"""Height above its start at which a lifted part earns half a bonus, m."""
 
 
 class Term(NamedTuple):
@@ -117,12 +115,12 @@ class PhaseTables:
         self._conditions = _Conditions(device)
 
     def potentials(self, measures: Tensor) -> Tensor:
-        """Potential of each phase, (N, 8), of what is measured, (N, M)."""
+        """Potential of each phase, (N, 8), of what is measured, (M, N)."""
         return self._potentials(measures)
 
     def conditions(self, measures: Tensor, touching: Tensor, hand_open: Tensor, connected: Tensor) -> Tensor:
-        """Whether each phase's condition holds, (N, 8) bool; the flags are (N,) bool."""
-        return self._conditions(measures, torch.stack([touching, hand_open, connected], dim=-1))
+        """Whether each phase's condition holds, (8, N) bool; the flags are (N,) bool."""
+        return self._conditions(measures, torch.stack([touching, hand_open, connected]))
 
 
 class _Potentials:
@@ -136,9 +134,9 @@ class _Potentials:
         decaying = terms[self._plain :]
 
         def row(values: list[float]) -> Tensor:
-            return torch.tensor(values, dtype=torch.float64, device=device)
+            return torch.tensor(values, dtype=torch.float64, device=device).unsqueeze(-1)
 
-        self._columns = torch.tensor([MEASURES[term.measure] for term in terms], device=device)
+        self._rows = torch.tensor([MEASURES[term.measure] for term in terms], device=device)
         self._sign = row([-1.0 if term.measure.endswith("projection") else 1.0 for term in terms])
         self._least, self._most = row([term.least for term in terms]), row([term.most for term in terms])
         self._best = row([term.best for term in decaying])
@@ -150,15 +148,15 @@ class _Potentials:
                 places += [*found, 0, 0][:2]
                 factors.append(summand[0])
         self._places = torch.tensor(places, device=device)
-        self._factors = torch.tensor(factors, dtype=torch.float64, device=device).view(len(PHASES), 3)
+        self._factors = torch.tensor(factors, dtype=torch.float64, device=device).view(len(PHASES), 3, 1)
 
     def __call__(self, measures: Tensor) -> Tensor:
-        found = measures.index_select(1, self._columns)
+        found = measures.index_select(0, self._rows)
         found = torch.maximum(found, found * self._sign).clamp(self._least, self._most)
-        decaying = torch.exp((found[:, self._plain :] - self._best) * self._rate)
-        terms = torch.cat([found[:, : self._plain], decaying], dim=-1)
-        summands = terms.index_select(1, self._places).view(-1, len(PHASES), 3, 2).sum(-1)
-        return (summands * self._factors).sum(-1)
+        decaying = torch.exp((found[self._plain :] - self._best) * self._rate)
+        terms = torch.cat([found[: self._plain], decaying])
+        summands = terms.index_select(0, self._places).view(len(PHASES), 3, 2, -1).sum(2)
+        return (summands * self._factors).sum(1).t().contiguous()
 
 
 class _Conditions:
@@ -171,14 +169,14 @@ class _Conditions:
         order = [*bounds, *_FLAGS]
         longest = max(len(phase) for phase in CONDITIONS.values())
         places = [[order.index(b) for b in CONDITIONS[phase]] for phase in PHASES]
-        self._columns = torch.tensor([MEASURES[measure] for measure, _, _ in bounds], device=device)
-        self._least = torch.tensor([least for _, least, _ in bounds], dtype=torch.float64, device=device)
-        self._most = torch.tensor([most for _, _, most in bounds], dtype=torch.float64, device=device)
+        self._rows = torch.tensor([MEASURES[measure] for measure, _, _ in bounds], device=device)
+        edges = torch.tensor([edges for _, *edges in bounds], dtype=torch.float64, device=device)
+        self._least, self._most = edges.t().unsqueeze(-1)
         filled = [row + row[-1:] * (longest - len(row)) for row in places]
         self._places = torch.tensor(filled, device=device).flatten()
-        self._shape = (-1, len(PHASES), longest)
+        self._shape = (len(PHASES), longest, -1)
 
     def __call__(self, measures: Tensor, flags: Tensor) -> Tensor:
-        found = measures.index_select(1, self._columns)
-        held = torch.cat([(found > self._least) & (found < self._most), flags], dim=-1)
-        return held.index_select(1, self._places).view(self._shape).all(-1)
+        found = measures.index_select(0, self._rows)
+        held = torch.cat([(found > self._least) & (found < self._most), flags])
+        return held.index_select(0, self._places).view(self._shape).all(1)

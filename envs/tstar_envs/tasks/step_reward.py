@@ -13,10 +13,14 @@ from tstar_envs.robots import sawyer
 from tstar_envs.settings import TaskSettings
 from tstar_envs.tasks import phase_reward
 from tstar_envs.tasks.actions import CONNECT, GRIPPER
+from tstar_envs.tasks.measures import MEASURES
 from tstar_envs.tasks.phase_reward import PHASES, PhaseTables
 from tstar_envs.tasks.recipe_tables import RecipeTables
 from tstar_envs.tasks.scene_reader import Scene
 
+_BONUS, _JOINING, _CLOSING, _ASKING, _GRIP = range(5)
+_HAND_PAYS = slice(5, 7)
+_HAND = slice(MEASURES["down"], MEASURES["down"] + 2)  # and "turn"
 _GRASP, _LIFT, _FINE = (PHASES.index(name) for name in ("grasp_leg", "lift_leg", "move_leg_fine"))
 
 
@@ -33,23 +37,21 @@ class StepReward:
         remaining = [sum(bonuses[i:]) for i in range(len(PHASES))]  # of a phase and those after it
         joining = remaining if self._pays_skipped else bonuses[-1:] * len(PHASES)
         numbers = range(len(PHASES))
-        rows = {
-            "bonus": bonuses,
-            "joining": joining,
-            "closing": [200.0 * (i == _GRASP) for i in numbers],
-            "asking": [10.0 * (i == _FINE) for i in numbers],
-            "grip": [-1.0 if i < _GRASP else 1.0 for i in numbers],
-            "tilt": [4.0 * (i <= _LIFT) for i in numbers],
-            "turn": [2.0 * (1 <= i <= _LIFT) for i in numbers],
-        }
-        self._by_phase = torch.tensor(
-            list(zip(*rows.values(), strict=True)), dtype=torch.float64, device=device
+        rows = (
+            bonuses,
+            joining,
+            [200.0 * (i == _GRASP) for i in numbers],  # what closing pays
+            [10.0 * (i == _FINE) for i in numbers],  # asking to connect
+            [-1.0 if i < _GRASP else 1.0 for i in numbers],  # the gripper's action
+            [4.0 * (i <= _LIFT) for i in numbers],  # a tilted hand
+            [2.0 * (1 <= i <= _LIFT) for i in numbers],  # a turned one
         )
-        """(8, 7): bonus; bonus of joining; what closing, asking, the gripper's sign, tilt and turn of the hand pay."""
-        self._half = 0.5 * bonuses[_LIFT]
-        self._rise = tables.waypoint[:, 2].index_select(
-            0, tables.step_index(torch.arange(tables.num_steps + 1, device=device))
-        )
+        self._by_phase = torch.tensor(rows, dtype=torch.float64, device=device)  # (7, 8)
+
+        def number(value: float) -> Tensor:
+            return torch.tensor(value, dtype=torch.float64, device=device)
+
+        self._half, self._dropping, self._none = number(0.5 * bonuses[_LIFT]), number(20.0), number(0.0)
 
     def potentials(self, scene: Scene) -> Tensor:
         """Potential of each phase, (N, 8)."""
@@ -62,43 +64,41 @@ class StepReward:
         from any phase. With skipped phases paid it pays what the phases left out would have, so that a policy that
         joins early does not earn less than one that lifts, aligns and then fails; unpaid, the last bonus alone.
         """
-        phase, half_paid, grip, connect = (
-            state["phase"],
-            state["half_paid"],
-            action[:, GRIPPER],
-            action[:, CONNECT],
-        )
-        bonus, joining, closing, asks, sign, tilt, turn = self._by_phase.index_select(0, phase).unbind(-1)
-        potential, row, not_connected = self.potentials(scene), phase.unsqueeze(-1), ~connected
-        fall = (state["potential"] - potential).gather(-1, row).squeeze(-1)
+        phase, half_paid, grip, none = state["phase"], state["half_paid"], action[:, GRIPPER], self._none
+        by_phase = self._by_phase.index_select(1, phase)
+        potential, not_connected, at = self.potentials(scene), ~connected, phase.unsqueeze(0)
+        fall = (state["potential"] - potential).gather(-1, at.t()).squeeze(-1)
         lost = (phase >= _LIFT) & ~scene.touching & not_connected
-        difference = phase_reward.DIFFERENCE_SCALE * torch.where(lost, fall.clamp_max(0), fall)
-        difference = difference + (grip - state["grip_action"]) * closing
+        difference = phase_reward.DIFFERENCE_SCALE * torch.where(lost, torch.minimum(fall, none), fall)
+        difference = difference + (grip - state["grip_action"]) * by_phase[_CLOSING]
 
-        met = self.phases.conditions(scene.measures, scene.touching, grip < 0, connected)
-        done = met.gather(-1, row).squeeze(-1) | connected
-        raised = self._raised(state, scene, phase, connected) & ~half_paid
-        asking = (connect + 1) * asks * (scene.aligned & not_connected)
-        paid = torch.where(connected, joining, bonus) * done + self._half * raised
-        paid = paid + asking - state["asked"] * connected
-
-        always = -0.001 * torch.linalg.vector_norm(action[:, : sawyer.NUM_JOINTS], dim=-1) + sign * grip
-        always = always - 50.0 * moved(scene)
-        always = (
-            always + ((scene.measure("down") - 1) * tilt + (scene.measure("turn") - 1) * turn) - 20.0 * lost
+        met = self.phases.conditions(scene.measures, scene.touching, grip < none, connected)
+        done = met.gather(0, at).squeeze(0) | connected
+        raised = (phase == _LIFT) & scene.raised
+        if self._pays_skipped:
+            raised = raised | (connected & (phase <= _LIFT))
+        raised = raised & ~half_paid
+        asking = torch.where(
+            scene.aligned & not_connected, (action[:, CONNECT] + 1.0) * by_phase[_ASKING], none
         )
+        paid = torch.where(done, torch.where(connected, by_phase[_JOINING], by_phase[_BONUS]), none)
+        paid = (
+            paid
+            + torch.where(raised, self._half, none)
+            + asking
+            - torch.where(connected, state["asked"], none)
+        )
+
+        always = by_phase[_GRIP] * grip - 0.001 * torch.linalg.vector_norm(
+            action[:, : sawyer.NUM_JOINTS], dim=-1
+        )
+        always = always - 50.0 * moved(scene) + ((scene.measures[_HAND] - 1.0) * by_phase[_HAND_PAYS]).sum(0)
+        always = always - torch.where(lost, self._dropping, none)
         state["half_paid"] = half_paid | raised
         state["asked"] = state["asked"] + asking
         state["potential"], state["grip_action"] = potential, grip.clone()
         state["phase"] = (phase + (done & not_connected)).clamp_max(len(PHASES) - 1)
         return difference + paid + always
-
-    def _raised(self, state: TensorDict, scene: Scene, phase: Tensor, connected: Tensor) -> Tensor:
-        """(N,) bool: the part is a centimetre above where it lay, which the lift point is a known rise above."""
-        rise = self._rise.index_select(0, state["subtask"])
-        high = scene.part[:, 2] > state["lift_point"][:, 2] - rise + phase_reward.OFF_GROUND
-        raised = (phase == _LIFT) & high
-        return raised | (connected & (phase <= _LIFT)) if self._pays_skipped else raised
 
 
 def moved(scene: Scene) -> Tensor:
