@@ -73,7 +73,7 @@ class TestSpirlTraining:
         """Plays the whole run; the latents that were drawn."""
         latents = []
         for rollout in training.rollouts():
-            rollout = RewardMixture(1.0, 0.0)(rollout)
+            rollout = RewardMixture({"env": 1.0})(rollout)
             training.log(rollout, {"loss_actor": 0.5})
             latents.append(rollout["latent"])
         return torch.cat(latents, 1)
@@ -102,7 +102,7 @@ class TestSpirlTraining:
         for rollout, completed in zip(training.rollouts(), (0, 1, 0), strict=True):
             rollout["next", "done"][:] = True
             rollout["next", "completed"][:] = completed
-            training.log(RewardMixture(1.0, 0.0)(rollout), {})
+            training.log(RewardMixture({"env": 1.0})(rollout), {})
         assert checkpoint.read_record(training.run.work / "best")["env_steps"] == 24
         assert checkpoint.read_record(training.run.work / "last")["env_steps"] == 36
 
@@ -131,7 +131,7 @@ def test_latents_are_learned_on_the_simulator_of_the_gpu_and_resumed(device, tmp
     run, resumed = new(), new()
     env.append_transform(LatentExecution(run["agent"].model.decoder, 3, 2))
     collection = Collection(env, run["agent"].actor, 2)
-    rollout = RewardMixture(1.0, 0.0)(collection.rollout())
+    rollout = RewardMixture({"env": 1.0})(collection.rollout())
     assert rollout["next", "done"][:, 1].all() and rollout["latent"].device.type == device
     run["buffer"].extend(rollout.select(*TRANSITION).reshape(-1))
     assert run["update"](run["buffer"], 4)["loss_qvalue"] > 0
