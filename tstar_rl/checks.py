@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-__all__ = ["MissingExtraError", "MissingFileError", "UserError", "check_ranges"]
+__all__ = ["InvalidValueError", "MissingExtraError", "MissingFileError", "UserError", "check_ranges"]
 
 
 class UserError(Exception):
@@ -15,13 +15,16 @@ class UserError(Exception):
     """
 
 
+class InvalidValueError(UserError, ValueError):
+    """A value that a user gave is not valid; the message says which are."""
+
+
 class MissingFileError(UserError, FileNotFoundError):
     """A file that a recipe reads is not there; the message says what writes it."""
 
 
 class MissingExtraError(UserError, ImportError):
     """An optional dependency is not installed; the message says how to install it."""
-
 
 
 RANGES = {
@@ -43,11 +46,11 @@ def check_ranges(settings: Any, **kinds: Sequence[str]) -> None:
         **kinds: for a kind of `RANGES`, the names of the fields that are of it.
 
     Raises:
-        ValueError: for the first that is not what it has to be.
+        InvalidValueError: for the first that is not what it has to be.
     """
     for kind, names in kinds.items():
         said, fits = RANGES[kind]
         for name in names:
             value = getattr(settings, name)
             if value is not None and not fits(value):
-                raise ValueError(f"{type(settings).__name__}.{name} must be {said}, got {value}")
+                raise InvalidValueError(f"{type(settings).__name__}.{name} must be {said}, got {value}")

@@ -22,6 +22,7 @@ from torchrl.checkpoint import (
 
 from tstar_rl.checks import MissingFileError, UserError
 from tstar_rl.runs.checksums import SEAL, DamagedCheckpointError, read_seal, seal, verify
+from tstar_rl.runs.files import named_in_errors
 from tstar_rl.runs.run_folder import made_by
 
 __all__ = [
@@ -65,9 +66,10 @@ class _SealedCheckpoint(Checkpoint):
         _remove_remains(destination)
         stage = destination.with_name(f".{destination.name}.new-{uuid.uuid4().hex}")
         try:
-            super().save(stage, **options)
-            seal(stage)
-            _publish(stage, destination)
+            with named_in_errors(destination):
+                super().save(stage, **options)
+                seal(stage)
+                _publish(stage, destination)
         finally:
             shutil.rmtree(stage, ignore_errors=True)
         return destination

@@ -43,18 +43,31 @@ class MetricsLog:
             _replace(self.path, text)
         self.columns, self.rows = columns, self.rows + 1
 
+    def check(self, rows: int) -> None:
+        """Raises a LogError if the file has not as many rows."""
+        self._lines(rows)
+
     def truncate(self, rows: int) -> None:
-        """Keeps the first `rows` rows; the columns are those of the file."""
+        """Keeps the first `rows` rows; the columns are those of the file.
+
+        Raises:
+            LogError: if there are not so many; the file stays as it is.
+        """
         if rows == 0:
             self.path.unlink(missing_ok=True)
             self.columns, self.rows = [], 0
             return
-        lines = self.path.read_text().splitlines(keepends=True) if self.path.is_file() else []
-        if len(lines) < rows + 1:
-            found = f"has {max(len(lines) - 1, 0)} rows" if lines else "is missing"
-            raise LogError(f"{self.path} {found}, but its checkpoint counts {rows}: put the table back")
+        lines = self._lines(rows)
         _replace(self.path, "".join(lines[: rows + 1]))
         self.columns, self.rows = lines[0].strip().split(","), rows
+
+    def _lines(self, rows: int) -> list[str]:
+        """The lines of the file, the header and at least `rows`."""
+        lines = self.path.read_text().splitlines(keepends=True) if self.path.is_file() else []
+        if rows and len(lines) < rows + 1:
+            found = f"has {len(lines) - 1} rows" if lines else "is missing"
+            raise LogError(f"{self.path} {found}, but its checkpoint counts {rows}: put the table back")
+        return lines
 
 
 def append_rows(path: str | Path, rows: list[dict[str, Any]], key: tuple[str, ...]) -> pd.DataFrame:
