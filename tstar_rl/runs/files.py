@@ -1,6 +1,7 @@
 """Files that are written at once: whoever is killed, or finds the disk full, leaves the old content or the new one."""
 
 import fcntl
+import io
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -39,7 +40,7 @@ def append_text(path: Path, text: str) -> None:
     Raises:
         OSError: if the disk is full or the folder read-only.
     """
-    with named_in_errors(path), path.open("ab", buffering=0) as file:
+    with named_in_errors(path), _open_at_end(path) as file:
         size = file.tell()
         try:
             rest = memoryview(text.encode())
@@ -48,6 +49,10 @@ def append_text(path: Path, text: str) -> None:
         except BaseException:
             file.truncate(size)
             raise
+
+
+def _open_at_end(path: Path) -> io.FileIO:
+    return path.open("ab", buffering=0)
 
 
 @contextmanager
