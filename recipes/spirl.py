@@ -7,6 +7,7 @@ import torch
 from omegaconf import DictConfig
 from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
 
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.build import environment, load_demonstrations, new_skill_agent
 from tstar_rl.config.load import plain, recipe, settings
 from tstar_rl.config.schema import SpirlSection
@@ -24,7 +25,7 @@ def main(config: DictConfig) -> None:
     """Skills and their prior from demonstrations, then a policy over skills by prior-regularised actor-critic."""
     spirl, total = config.spirl, config.spirl.total_steps
     if config.collection.backend != "local":
-        raise ValueError(
+        raise InvalidValueError(
             "spirl.py runs with collection.backend=local: its decoder acts inside the environment"
         )
     run = Run(plain(config), config.subtask, total)

@@ -75,6 +75,10 @@ MISTAKES = [
     ("gail_ppo", ["device=mps"], "device must be cpu or cuda, got 'mps'"),
     ("tstar", ["chain.links=5"], r"chain.links must be null or in 2..4 for table_lack, got 5"),
     ("tstar", ["chain.starts={buffer: 2}"], "shares of starts must .* sum to 1"),
+    ("gail_ppo", [], "networks.features needs one subtask: set subtask=0.. or networks.features=false"),
+    ("spirl", ["subtask=0", "collection.backend=ray"], "spirl.py runs with collection.backend=local"),
+    ("evaluate", ["modes=[best]"], "mode must be one of deterministic, stochastic; got 'best'"),
+    ("evaluate", ["path=runs/table_lack/tstar/seed1", "seed=0"], "is of seed=1, but seed=0 is asked for"),
     # something that is not there
     ("gail_ppo", ["subtask=0"], "no demonstrations at demonstrations/.*recipes/make_demonstrations.py writes them"),
     ("tstar", [], "no checkpoint at runs/.*train it first .*recipes/gail_ppo.py task=table_lack subtask=0 seed=0"),
@@ -92,6 +96,7 @@ def test_a_checkpoint_that_belongs_elsewhere_or_is_damaged_is_told_in_words(say)
     Skill("table_lack", 1, SMALL).save(place)
     assert re.search("subtask0/last does not belong here: subtask was 1 .*is 0 now", say("tstar"))
     (place / "manifest.json").unlink()
+    assert re.search("last is damaged: manifest.json is missing", say("evaluate", f"path={place}"))
     assert re.search("subtask0/last is damaged: manifest.json is missing", say("tstar"))
 
 

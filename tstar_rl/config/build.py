@@ -10,6 +10,7 @@ from omegaconf import DictConfig
 from torch import nn
 
 from tstar_rl.chaining.skill import NetworkSettings, Skill
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.load import plain, settings
 from tstar_rl.demonstrations.data_set import Demonstrations
 from tstar_rl.demonstrations.file_check import KINDS, DemonstrationError
@@ -102,7 +103,7 @@ def new_skill(config: DictConfig, subtask: int | None) -> Skill:
     features = None
     if networks.features:
         if subtask is None:
-            raise ValueError(
+            raise InvalidValueError(
                 "networks.features needs one subtask: set subtask=0.. or networks.features=false"
             )
         features = environment(config, subtask, 1, 0).base_env.features(subtask)
@@ -119,7 +120,7 @@ def new_skill_agent(config: DictConfig, subtask: int | None) -> SkillAgent:
     geometry = None
     if config.networks.features:
         if subtask is None:
-            raise ValueError("networks.features of SPiRL needs one subtask: set subtask=0..")
+            raise InvalidValueError("networks.features of SPiRL needs one subtask: set subtask=0..")
         geometry = environment(config, subtask, 1, 0).base_env.features(subtask)
     torch.manual_seed(derive_seed(config.seed, "networks", subtask))
     model = settings(SkillModelSettings, config.spirl.model)
@@ -134,7 +135,7 @@ def demonstrations_path(config: DictConfig, subtask: int | None, kind: str) -> P
         ValueError: if `kind` is not one of `KINDS`.
     """
     if kind not in KINDS:
-        raise ValueError(f"kind of demonstrations must be one of {', '.join(KINDS)}; got {kind!r}")
+        raise InvalidValueError(f"kind of demonstrations must be one of {', '.join(KINDS)}; got {kind!r}")
     part = "whole" if subtask is None else f"subtask{subtask}"
     return Path(config.demonstrations_dir) / config.task.name / f"{part}_{kind}.npz"
 
@@ -161,7 +162,9 @@ def chain_length(config: DictConfig) -> int:
     """
     subtasks, links = config.task.subtasks, config.chain.links
     if links is not None and not 2 <= links <= subtasks:
-        raise ValueError(f"chain.links must be null or in 2..{subtasks} for {config.task.name}, got {links}")
+        raise InvalidValueError(
+            f"chain.links must be null or in 2..{subtasks} for {config.task.name}, got {links}"
+        )
     return links or subtasks
 
 
@@ -216,7 +219,7 @@ def make_collection(
     """
     training, backend = config.training, config.collection.backend
     if backend not in ("local", "ray"):
-        raise ValueError(f"collection.backend must be local or ray, got {backend!r}")
+        raise InvalidValueError(f"collection.backend must be local or ray, got {backend!r}")
     make = partial(environment, config, subtask, snapshots=snapshots, max_steps=training.max_steps)
     if backend == "local":
         return Collection(make(training.num_envs, seed, before), policy, training.horizon)
