@@ -161,8 +161,8 @@ def _publish(stage: Path, destination: Path) -> None:
 
 def _remove_remains(destination: Path) -> None:
     """Removes what processes that were killed while they wrote here have left."""
-    for left in destination.parent.glob(f".{destination.name}*"):
-        if re.search(r"\.(new|old|stage|backup|delete)-[0-9a-f]{32}$", left.name):
+    for left in destination.parent.glob(f".*{destination.name}*"):
+        if re.fullmatch(rf"\.+{re.escape(destination.name)}(-\d+)?(\.[a-z]+-[0-9a-f]{{32}})+", left.name):
             shutil.rmtree(left, ignore_errors=True)
 
 
