@@ -3,10 +3,10 @@
     python tools/kill_and_resume.py --kills 100                 # a training, a chain, evaluations, ... in turn
     python tools/kill_and_resume.py --kills 3 --only chain
 
-All of it at a tiny scale. First `assemble` runs through: its tables, demonstrations and skills are what is compared with,
-and what the other recipes start from. Then each recipe is killed with all its processes, as by a power cut, and started
-again, until it is done; that repeats until it has had its share of the kills. Prints a table; exits with 1 if any
-start failed or anything differs.
+All of it at a tiny scale. First `assemble` runs through: its tables, demonstrations and skills are what is compared
+with, and what the other recipes start from. Then each recipe is killed with all its processes, as by a power cut, and
+started again, until it is done; that repeats until it has had its share of the kills. Prints a table; exits with 1 if
+any start failed or anything differs.
 """
 
 import argparse
@@ -18,7 +18,6 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -138,8 +137,8 @@ class Count:
 
 
 def torment(
-    subject: Subject, whole: Path, folder: Path, kills: int, seconds: float, draw: random.Random, say: Callable[[str], None]
-) -> Count:  # fmt: skip
+    subject: Subject, whole: Path, folder: Path, kills: int, seconds: float, draw: random.Random
+) -> Count:
     """Kills and resumes a recipe `kills` times, and compares what it leaves each time that it is done.
 
     Args:
@@ -149,7 +148,6 @@ def torment(
         kills: how many.
         seconds: that it takes; each kill comes at a random moment within them.
         draw: of the moments.
-        say: prints a line.
     """
     count, errors = Count(), folder.with_suffix(".err")
     prepare(subject, whole, folder)
@@ -162,15 +160,15 @@ def torment(
             os.killpg(process.pid, signal.SIGKILL)
             process.wait()
             count.kills += 1
-            say(f"  killed after {moment:.1f} s")
+            print(f"  killed after {moment:.1f} s")
             continue
         if code:
             count.failed += 1
-            say(f"  FAILED: {errors.read_text()[-2000:]}")
+            print(f"  FAILED: {errors.read_text()[-2000:]}")
             return count
         wrong = differing(subject, whole, folder)
         count.completed, count.different = count.completed + 1, count.different + bool(wrong)
-        say(f"  done; {'differs: ' + ', '.join(wrong) if wrong else 'the same'}")
+        print(f"  done; {'differs: ' + ', '.join(wrong) if wrong else 'the same'}")
         if count.kills >= kills:
             return count
         prepare(subject, whole, folder)
@@ -188,6 +186,7 @@ def main() -> int:
         "--keep", type=Path, help="keep the runs in this folder; a whole run there is used again"
     )
     given = parser.parse_args()
+    sys.stdout.reconfigure(line_buffering=True)
     draw, counts = random.Random(given.seed), {}
     with tempfile.TemporaryDirectory() as scratch:
         folder = given.keep or Path(scratch)
@@ -205,9 +204,8 @@ def main() -> int:
             if start(SUBJECTS[name], folder / name, folder / f"{name}.err").wait():
                 raise SystemExit((folder / f"{name}.err").read_text())
             seconds = time.perf_counter() - began
-            print(f"{name}, {seconds:.0f} s, {share} kills", flush=True)
-            say = lambda text: print(text, flush=True)  # noqa: E731
-            counts[name] = torment(SUBJECTS[name], whole, folder / name, share, seconds, draw, say)
+            print(f"{name}, {seconds:.0f} s, {share} kills")
+            counts[name] = torment(SUBJECTS[name], whole, folder / name, share, seconds, draw)
     table = pd.DataFrame({name: vars(count) for name, count in counts.items()}).T
     print(table.to_string())
     return int(table[["failed", "different"]].to_numpy().any())
