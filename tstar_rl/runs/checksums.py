@@ -36,7 +36,7 @@ def read_seal(folder: Path) -> dict[str, dict[str, Any]]:
         files = json.loads(content)["files"]
         whole = content == _content(files)
     except FileNotFoundError:
-        raise _damaged(folder, [f"{SEAL} is missing"]) from None
+        raise _damaged(folder, [f"{SEAL} is missing (those of older versions have none)"]) from None
     except (ValueError, KeyError, TypeError):
         whole, files = False, {}
     if not whole:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import yaml
 
-from tstar_rl.runs.files import replacing
+from tstar_rl.runs.files import replacing, turn_to_write
 
 __all__ = ["Place", "made_by", "note_evaluation", "read_run_path", "run_path", "write_config"]
 
@@ -61,9 +61,8 @@ def made_by(path: str | Path) -> str:
 
 def write_config(folder: Path, config: Mapping[str, Any]) -> None:
     """Writes config.yaml: plain values, the versions of what they ran on, and the commit."""
-    folder.mkdir(parents=True, exist_ok=True)
     kept = {**config, "versions": _versions()}
-    with replacing(folder / "config.yaml") as partial:
+    with turn_to_write(folder), replacing(folder / "config.yaml") as partial:
         partial.write_text(yaml.safe_dump(kept, sort_keys=False))
 
 

@@ -16,7 +16,7 @@ from tstar_rl.config.command_line import FULL_ERROR, HINT
 from tstar_rl.config.load import recipe
 from tstar_rl.runs.run_folder import run_path
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 SMALL = NetworkSettings(hidden=(16,), std="fixed", discriminator_hidden=(16,))
 
 

@@ -11,7 +11,7 @@ from tstar_rl.runs import checkpoint
 from tstar_rl.runs.checkpoint import DamagedCheckpointError
 
 spec = importlib.util.spec_from_file_location(
-    "damage_checkpoints", Path(__file__).resolve().parent.parent / "tools" / "damage_checkpoints.py"
+    "damage_checkpoints", Path(__file__).resolve().parents[2] / "tools" / "damage_checkpoints.py"
 )
 tool = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(tool)
