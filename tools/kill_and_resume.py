@@ -56,21 +56,29 @@ class Subject:
 
 SUBJECTS = {
     "training": Subject(
-        ("gail_ppo", "subtask=0"), ("demonstrations",), ("results/*/gail_ppo/**/metrics.csv", "runs/*/gail_ppo/**/last")
+        ("gail_ppo", "subtask=0"),
+        ("demonstrations",),
+        ("results/*/gail_ppo/seed0/subtask0/metrics.csv", "runs/*/gail_ppo/seed0/subtask0/last"),
     ),
     "chain": Subject(
         ("tstar",),
         ("demonstrations", "runs/*/gail_ppo"),
-        ("results/*/tstar/**/metrics.csv", "results/*/tstar/**/terminal_states.csv", "runs/*/tstar/**/skill*"),
+        (
+            "results/*/tstar/seed0/metrics.csv",
+            "results/*/tstar/seed0/terminal_states.csv",
+            "runs/*/tstar/seed0/*/skill*",
+        ),
     ),
-    "evaluation": Subject(("evaluate", "system=tstar"), ("runs",), ("results/*/tstar/**/evaluation.csv",)),
-    "demonstrations": Subject(("make_demonstrations", "subtask=0", "kinds=[noisy]"), (), ("demonstrations/*/*.npz",)),
+    "evaluation": Subject(("evaluate", "system=tstar"), ("runs",), ("results/*/tstar/seed0/evaluation.csv",)),
+    "demonstrations": Subject(
+        ("make_demonstrations", "subtask=0", "kinds=[noisy]"), (), ("demonstrations/*/subtask0_noisy.npz",)
+    ),
     "assemble": Subject(
         ("assemble", "processes=1"),
         (),
         ("results/**/*.csv", "demonstrations/*/*.npz", "runs/**/last", "runs/**/best", "runs/**/skill*"),
     ),
-}  # fmt: skip
+}
 
 
 def start(subject: Subject, folder: Path, errors: Path) -> subprocess.Popen[bytes]:
@@ -96,13 +104,14 @@ def prepare(subject: Subject, whole: Path, folder: Path) -> None:
 
 def differing(subject: Subject, whole: Path, folder: Path) -> list[str]:
     """The paths below `folder` that are missing or differ from those below `whole`."""
-    name = subject.command
-    found = {path.relative_to(folder) for pattern in subject.leaves for path in folder.glob(pattern)}
-    if name[0] == "assemble":
-        found |= {path.relative_to(whole) for pattern in subject.leaves for path in whole.glob(pattern)}
-    return [str(path) for path in sorted(found) if not _same(whole / path, folder / path)] + (
-        [] if found else ["nothing was written"]
-    )
+    wanted = {
+        path.relative_to(place)
+        for place in (whole, folder)
+        for pattern in subject.leaves
+        for path in place.glob(pattern)
+    }
+    wrong = [str(path) for path in sorted(wanted) if not _same(whole / path, folder / path)]
+    return wrong if wanted else ["nothing was written"]
 
 
 def _same(first: Path, second: Path) -> bool:
