@@ -61,9 +61,7 @@ def turn_to_write(folder: Path) -> Iterator[None]:
     folder.mkdir(parents=True, exist_ok=True)
     handle = os.open(folder, os.O_RDONLY)
     try:
-        with suppress(
-            OSError
-        ):  # a network's file system without such locks: the file is still replaced at once
+        with suppress(OSError):  # not on every network file system: the file is still replaced at once
             fcntl.flock(handle, fcntl.LOCK_EX)
         yield
     finally:
