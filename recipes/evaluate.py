@@ -14,14 +14,15 @@ from pathlib import Path
 import torch
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
-from torchrl.checkpoint import Checkpoint
 
 from tstar_rl.chaining.chain import ChainPolicy, chain_folders
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.build import environment, load_skill
 from tstar_rl.config.chain import chain_length
 from tstar_rl.config.load import plain, recipe
 from tstar_rl.rollouts.episodes import MODES, check_modes, evaluate, same_policy
 from tstar_rl.rollouts.recorder import Recorder
+from tstar_rl.runs.checkpoint import is_checkpoint
 from tstar_rl.runs.csv_tables import append_rows
 from tstar_rl.runs.run_folder import note_evaluation, read_run_path, run_path
 from tstar_rl.seeds import derive_seed
@@ -108,14 +109,16 @@ def _take_from_path(config: DictConfig, given: Iterable[str]) -> Path | None:
     for name, value in asked.items():
         found = getattr(place, name)
         if value != found:
-            raise ValueError(f"path={config.path} is of {name}={found}, but {name}={value} is asked for")
+            raise InvalidValueError(
+                f"path={config.path} is of {name}={found}, but {name}={value} is asked for"
+            )
     config.system, config.seed, config.subtask = place.system, place.seed, place.subtask
     return after
 
 
 def _skills(place: Path) -> list[Path]:
     """The folder of the one skill saved at `place`, or of each skill of the chain saved there."""
-    return [place] if Checkpoint.is_checkpoint(place) else chain_folders(place)
+    return [place] if is_checkpoint(place) else chain_folders(place)
 
 
 def _spent(config: DictConfig, folders: list[Path], chain: bool) -> dict[str, float]:

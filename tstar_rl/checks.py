@@ -1,10 +1,31 @@
-"""What the numbers in the settings of an update may be."""
+"""What a user's mistake is, and what the numbers in the settings of an update may be."""
 
 import math
 from collections.abc import Sequence
 from typing import Any
 
-__all__ = ["check_ranges"]
+__all__ = ["InvalidValueError", "MissingExtraError", "MissingFileError", "UserError", "check_ranges"]
+
+
+class UserError(Exception):
+    """A mistake that the user can put right: the message says what was got, what is valid and where it belongs.
+
+    A recipe ends with this message alone; any other error shows where it was raised. Errors of this kind are also of a
+    kind of Python's own, so that users of the library catch them as usual: `class ConfigError(UserError, ValueError)`.
+    """
+
+
+class InvalidValueError(UserError, ValueError):
+    """A value that a user gave is not valid; the message says which are."""
+
+
+class MissingFileError(UserError, FileNotFoundError):
+    """A file that a recipe reads is not there; the message says what writes it."""
+
+
+class MissingExtraError(UserError, ImportError):
+    """An optional dependency is not installed; the message says how to install it."""
+
 
 RANGES = {
     "count": ("at least 1", lambda value: value >= 1),
@@ -25,11 +46,11 @@ def check_ranges(settings: Any, **kinds: Sequence[str]) -> None:
         **kinds: for a kind of `RANGES`, the names of the fields that are of it.
 
     Raises:
-        ValueError: for the first that is not what it has to be.
+        InvalidValueError: for the first that is not what it has to be.
     """
     for kind, names in kinds.items():
         said, fits = RANGES[kind]
         for name in names:
             value = getattr(settings, name)
             if value is not None and not fits(value):
-                raise ValueError(f"{type(settings).__name__}.{name} must be {said}, got {value}")
+                raise InvalidValueError(f"{type(settings).__name__}.{name} must be {said}, got {value}")

@@ -12,6 +12,7 @@ from torchrl.envs import TransformedEnv
 
 from tstar_rl.chaining.skill import NetworkSettings, Skill
 from tstar_rl.chaining.training import SkillTraining, TrainingSettings
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.load import plain, settings
 from tstar_rl.demonstrations.data_set import Demonstrations
 from tstar_rl.demonstrations.file_check import KINDS, DemonstrationError
@@ -82,7 +83,7 @@ def new_skill(config: DictConfig, subtask: int | None) -> Skill:
     features = None
     if networks.features:
         if subtask is None:
-            raise ValueError(
+            raise InvalidValueError(
                 "networks.features needs one subtask: set subtask=0.. or networks.features=false"
             )
         features = subtask_geometry(config.task.name, subtask)
@@ -99,7 +100,7 @@ def new_spirl_agent(config: DictConfig, subtask: int | None) -> SpirlAgent:
     geometry = None
     if config.networks.features:
         if subtask is None:
-            raise ValueError("networks.features of SPiRL needs one subtask: set subtask=0..")
+            raise InvalidValueError("networks.features of SPiRL needs one subtask: set subtask=0..")
         geometry = subtask_geometry(config.task.name, subtask)
     torch.manual_seed(derive_seed(config.seed, "networks", subtask))
     model, name = settings(LatentModelSettings, config.spirl.model), config.task.name
@@ -113,7 +114,7 @@ def demonstrations_path(config: DictConfig, subtask: int | None, kind: str) -> P
         ValueError: if `kind` is not one of `KINDS`.
     """
     if kind not in KINDS:
-        raise ValueError(f"kind of demonstrations must be one of {', '.join(KINDS)}; got {kind!r}")
+        raise InvalidValueError(f"kind of demonstrations must be one of {', '.join(KINDS)}; got {kind!r}")
     part = "whole" if subtask is None else f"subtask{subtask}"
     seed = config.seed if config.demonstrations.seed is None else config.demonstrations.seed
     return Path(config.demonstrations_dir) / config.task.name / f"seed{seed}" / f"{part}_{kind}.npz"
@@ -162,7 +163,7 @@ def make_collection(
     """
     training, backend = config.training, config.collection.backend
     if backend not in ("local", "ray"):
-        raise ValueError(f"collection.backend must be local or ray, got {backend!r}")
+        raise InvalidValueError(f"collection.backend must be local or ray, got {backend!r}")
     make = partial(environment, config, subtask, snapshots=snapshots, max_steps=training.max_steps)
     if backend == "local":
         return Collection(make(training.num_envs, seed, before), policy, training.horizon)

@@ -11,6 +11,7 @@ from tstar_rl.chaining.gate import Gate, GateSettings
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.chaining.trials import run_trial
 from tstar_rl.chaining.turns import Turn
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.build import environment, load_demonstrations, make_collection, training_settings
 from tstar_rl.config.load import plain
 from tstar_rl.rollouts.collection import Collection
@@ -87,7 +88,9 @@ def chain_length(config: DictConfig) -> int:
     """
     subtasks, links = config.task.subtasks, config.chain.links
     if links is not None and not 2 <= links <= subtasks:
-        raise ValueError(f"chain.links must be null or in 2..{subtasks} for {config.task.name}, got {links}")
+        raise InvalidValueError(
+            f"chain.links must be null or in 2..{subtasks} for {config.task.name}, got {links}"
+        )
     return links or subtasks
 
 

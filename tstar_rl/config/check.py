@@ -7,11 +7,13 @@ from dataclasses import is_dataclass
 from types import NoneType, UnionType
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
+from tstar_rl.checks import InvalidValueError
+
 __all__ = ["ConfigError", "check"]
 
 
-class ConfigError(ValueError):
-    """A config has a key that nobody reads, lacks one, or has a value of another type; the message names it."""
+class ConfigError(InvalidValueError):
+    """A config has a key that nobody reads, lacks one, or has a value that is not valid; the message names it."""
 
 
 def check(values: Mapping[str, Any], kind: type, where: str, own: dict[str, Any] | None = None) -> None:
@@ -25,7 +27,7 @@ def check(values: Mapping[str, Any], kind: type, where: str, own: dict[str, Any]
 
     Raises:
         ConfigError: for a name that `kind` does not have, one that is missing (unless it may be null or has a
-            default), or a value of another type.
+            default), or a value of another type or out of its range.
     """
     parameters = inspect.signature(kind.__init__).parameters
     hints = {name: hint for name, hint in get_type_hints(kind.__init__).items() if name in parameters}
@@ -41,6 +43,16 @@ def check(values: Mapping[str, Any], kind: type, where: str, own: dict[str, Any]
             _check_value(values[name], wanted, f"{where}.{name}" if where else name)
         elif name not in given and not _fits(None, wanted):
             raise ConfigError(f"{where or 'the config'} lacks {name}, which must be {_say(wanted)}")
+    if is_dataclass(kind) and hasattr(kind, "__post_init__"):
+        _check_ranges(values, kind, where)
+
+
+def _check_ranges(values: Mapping[str, Any], kind: type, where: str) -> None:
+    """Makes the object, which checks what its numbers may be, and says of an error where it belongs."""
+    try:
+        kind(**{name: tuple(value) if isinstance(value, list) else value for name, value in values.items()})
+    except ValueError as error:
+        raise ConfigError(str(error).replace(f"{kind.__name__}.", f"{where}.")) from error
 
 
 def _check_value(value: Any, wanted: Any, where: str) -> None:

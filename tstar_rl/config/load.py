@@ -1,15 +1,18 @@
 """From the values in `configs/` to a checked config: where every recipe begins."""
 
+import functools
 import logging
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
-import hydra
 import torch
 from omegaconf import DictConfig, OmegaConf
 
-from tstar_rl.config.check import check
+from tstar_rl.config.check import ConfigError, check
+from tstar_rl.config.command_line import command_line
+from tstar_rl.config.ranges import check_machine, check_ranges_of
 from tstar_rl.config.schema import Config
 
 __all__ = ["check_config", "plain", "recipe", "settings"]
@@ -19,8 +22,10 @@ OWN_KEYS: dict[str, dict[str, Any]] = {}
 """Of each recipe that was imported, the keys that no other recipe needs to have, and the types of their values."""
 
 
-def recipe(name: str, **own: Any) -> Callable[[Callable[[DictConfig], None]], Callable[[], None]]:
+def recipe(name: str, **own: Any) -> Callable[[Callable[[DictConfig], None]], Callable[..., None]]:
     """Makes a function of the config into the main function of a recipe: one torch thread, values from `configs/`.
+
+    A user's mistake ends it with a message: see `command_line`.
 
     Args:
         name: of its file in `configs/recipe`.
@@ -28,14 +33,16 @@ def recipe(name: str, **own: Any) -> Callable[[Callable[[DictConfig], None]], Ca
     """
     OWN_KEYS[name] = own
 
-    def decorate(function: Callable[[DictConfig], None]) -> Callable[[], None]:
-        def main(config: DictConfig) -> None:
+    def decorate(function: Callable[[DictConfig], None]) -> Callable[..., None]:
+        @functools.wraps(function)
+        def body(config: DictConfig) -> None:
             check_config(config, name)
+            check_machine(plain(config))
             torch.set_num_threads(config.torch_threads)
             logging.getLogger("torchrl").setLevel(logging.WARNING)
             function(config)
 
-        return hydra.main(version_base="1.3", config_path=str(CONFIGS), config_name=f"recipe/{name}")(main)
+        return command_line(body, CONFIGS, name, partial(check_config, name=name))
 
     return decorate
 
@@ -46,18 +53,21 @@ def plain(config: DictConfig) -> dict[str, Any]:
 
 
 def check_config(config: DictConfig, name: str) -> None:
-    """Checks all names and types in the config of the recipe `name`.
+    """Checks all names, types and ranges in the config of the recipe `name`.
 
     Raises:
-        ConfigError: see `config_check.check`.
-        ValueError: for a task that there is not or has not so many subtasks, and for settings of it that there are
-            not or have no such value.
+        ConfigError: see `check.check` and `ranges.check_ranges_of`; also for an unknown task, a wrong number of
+            subtasks, and unknown settings of the task or values of them.
     """
     from tstar_rl.env.furniture_env import check_task
 
     values = plain(config)
     check(values, Config, "", OWN_KEYS[name])
-    check_task(config.task.name, config.task.subtasks, values["env"])
+    try:
+        check_task(config.task.name, config.task.subtasks, values["env"])
+    except ValueError as error:  # the world's own; it knows no configs
+        raise ConfigError(str(error)) from error
+    check_ranges_of(values)
 
 
 Settings = TypeVar("Settings")

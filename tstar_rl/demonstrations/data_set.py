@@ -4,7 +4,6 @@ One `.npz` file without pickled objects. E episodes of L_e steps are laid end to
 """
 
 import json
-import os
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 
 from tstar_rl.demonstrations.file_check import ARRAYS, FORMAT_VERSION, HEADER, DemonstrationError, read
+from tstar_rl.runs.files import replacing, turn_to_write
 
 __all__ = ["Demonstrations"]
 
@@ -63,11 +63,8 @@ class Demonstrations:
         for key, value in self.snapshots.items(True, True):
             arrays["snapshot/" + (key if isinstance(key, str) else "/".join(key))] = value.numpy()
         path = Path(path)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        partial = path.with_name(path.name + ".partial")
-        with partial.open("wb") as file:
+        with turn_to_write(path.parent), replacing(path) as partial, partial.open("wb") as file:
             np.savez_compressed(file, header=np.array(json.dumps(header)), **arrays)
-        os.replace(partial, path)
 
     @classmethod
     def load(cls, path: str | Path, task: str | None = None, subtask: int | None = None) -> "Demonstrations":

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from tstar_rl.checks import MissingFileError, UserError
 from tstar_rl.env.layout import observation_size
 
 __all__ = ["ARRAYS", "FORMAT_VERSION", "HEADER", "KINDS", "DemonstrationError", "read"]
@@ -27,7 +28,7 @@ SNAPSHOTS = ("snapshot/physics", "snapshot/welds")
 """What every snapshot has; the state of the task is the environment's to check."""
 
 
-class DemonstrationError(ValueError):
+class DemonstrationError(UserError, ValueError):
     """A file of demonstrations is not what it should be; the message names file and field."""
 
 
@@ -35,7 +36,7 @@ def read(path: str | Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     """The header (`HEADER`) and all arrays of a file, checked.
 
     Raises:
-        FileNotFoundError: if there is no file.
+        MissingFileError: if there is no file; a FileNotFoundError.
         DemonstrationError: names the field that is wrong.
     """
     arrays = _arrays(path)
@@ -55,7 +56,7 @@ def read(path: str | Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
 
 def _arrays(path: str | Path) -> dict[str, np.ndarray]:
     if not Path(path).is_file():
-        raise FileNotFoundError(f"no demonstrations at {path}: recipes/make_demonstrations.py writes them")
+        raise MissingFileError(f"no demonstrations at {path}: recipes/make_demonstrations.py writes them")
     field = ""
     try:  # zip, zlib and NumPy each have errors of their own for what a damaged file does to them
         with np.load(path, allow_pickle=False) as file:

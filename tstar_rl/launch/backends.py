@@ -5,6 +5,7 @@ from functools import partial
 
 from omegaconf import DictConfig
 
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.load import settings
 from tstar_rl.launch.cluster import run_on_cluster
 from tstar_rl.launch.side_by_side import run_recipe
@@ -20,6 +21,6 @@ def launcher(config: DictConfig) -> Callable[..., None]:
         ValueError: if it is neither.
     """
     if config.launch not in ("local", "ray"):
-        raise ValueError(f"launch must be local or ray, got {config.launch!r}")
+        raise InvalidValueError(f"launch must be local or ray, got {config.launch!r}")
     cluster = settings(ClusterSettings, config.cluster)
     return run_recipe if config.launch == "local" else partial(run_on_cluster, cluster, config.processes)

@@ -4,6 +4,8 @@ import os
 from dataclasses import dataclass
 from typing import Any
 
+from tstar_rl.checks import MissingExtraError
+
 __all__ = ["ClusterSettings", "connect", "resources"]
 
 RETRIES = 5
@@ -24,12 +26,12 @@ def connect(settings: ClusterSettings, workers: int) -> Any:
     """The `ray` module, connected; a cluster of this machine's own has room for `workers`.
 
     Raises:
-        ImportError: if Ray is not installed, with the command that does it.
+        MissingExtraError: if Ray is not installed, with the command that does it.
     """
     try:
         import ray
     except ImportError as error:
-        raise ImportError(
+        raise MissingExtraError(
             "collection.backend=ray and launch=ray need Ray, which is not installed: "
             "python -m pip install -e '.[ray]' in the repository, or 'tstar_rl[ray]'"
         ) from error

@@ -8,6 +8,7 @@ from tensordict import TensorDictBase
 from torch import nn
 from torchrl.envs import ExplorationType, TransformedEnv, set_exploration_type
 
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.intervals import wilson_interval
 
 __all__ = ["MODES", "check_modes", "evaluate", "run_episodes", "same_policy", "summarize"]
@@ -100,7 +101,7 @@ def check_modes(modes: Iterable[str]) -> None:
     """Raises a ValueError for a mode that is not in `MODES`."""
     for mode in modes:
         if mode not in MODES:
-            raise ValueError(f"mode must be one of {', '.join(MODES)}; got {mode!r}")
+            raise InvalidValueError(f"mode must be one of {', '.join(MODES)}; got {mode!r}")
 
 
 def evaluate(

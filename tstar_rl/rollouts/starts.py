@@ -9,6 +9,7 @@ from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 from torchrl.envs import Compose, TransformedEnv
 
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.rollouts.state_sets import TerminalGaussian, TerminationSet
 from tstar_rl.transforms import SkillChainReset
 from tstar_rl.transforms.skill_chain_reset import Starts
@@ -68,14 +69,16 @@ def check_shares(shares: Mapping[str, float]) -> dict[str, float]:
     """A share for each of `SOURCES`, 0 where none is named.
 
     Raises:
-        ValueError: for another name, a negative share, or a sum that is not 1.
+        InvalidValueError: for another name, a negative share, or a sum that is not 1.
     """
     unknown = [str(name) for name in shares if name not in SOURCES]
     if unknown:
-        raise ValueError(f"starts have no source {', '.join(unknown)}; valid: {', '.join(SOURCES)}")
+        raise InvalidValueError(f"starts have no source {', '.join(unknown)}; valid: {', '.join(SOURCES)}")
     whole = {name: float(shares.get(name, 0.0)) for name in SOURCES}
     if min(whole.values()) < 0 or not math.isclose(sum(whole.values()), 1.0, abs_tol=1e-6):
-        raise ValueError(f"shares of starts must not be negative and sum to 1 (chain.starts), got {whole}")
+        raise InvalidValueError(
+            f"shares of starts must not be negative and sum to 1 (chain.starts), got {whole}"
+        )
     return whole
 
 

@@ -1,18 +1,35 @@
-"""Checkpoints on `torchrl.checkpoint`: tensors and JSON, written atomically, no pickle.
+"""Checkpoints on `torchrl.checkpoint`: tensors and JSON, written atomically, no pickle, a checksum for every file.
 
-Each carries a record of what it belongs to (task, recipe, config, ...), and is checked against it when loaded.
+Each carries a record of what it belongs to (task, recipe, config, ...), and is checked against it when loaded. What is
+not as it was written is refused by the name of its file: see `checksums`.
 """
 
+import os
+import re
+import shutil
+import uuid
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import torch
-from torchrl.checkpoint import Checkpoint, CheckpointRotation
+from torchrl.checkpoint import (
+    Checkpoint,
+    CheckpointError,
+    CheckpointRotation,
+    StateDictCheckpointAdapter,
+)
+
+from tstar_rl.checks import MissingFileError, UserError
+from tstar_rl.runs.checksums import SEAL, DamagedCheckpointError, read_seal, seal, verify
+from tstar_rl.runs.files import named_in_errors
+from tstar_rl.runs.run_folder import made_by
 
 __all__ = [
     "CheckpointMismatchError",
+    "DamagedCheckpointError",
     "differences",
+    "is_checkpoint",
     "latest",
     "load",
     "read_record",
@@ -23,14 +40,44 @@ __all__ = [
     "to_tuples",
 ]
 
+MANIFEST = "manifest.json"
+PARTS = (MANIFEST, SEAL, "components")
+"""What lies in a checkpoint's folder."""
 
-class CheckpointMismatchError(ValueError):
+
+class CheckpointMismatchError(UserError, ValueError):
     """A checkpoint belongs to something else."""
+
+
+class _SealedCheckpoint(Checkpoint):
+    """A checkpoint that is sealed before it takes its place, in one step with it.
+
+    Tensors of a component are one archive. As the memory-mapped files that torchrl writes by default, they would end
+    the process with a bus error where the disk is full; this way it is an `OSError`, and the checkpoint before stays.
+    """
+
+    def __init__(self, components: Mapping[str, Any]) -> None:
+        super().__init__()
+        for name, component in components.items():
+            self.register(name, component, adapter=StateDictCheckpointAdapter("archive"))
+
+    def save(self, path: str | Path, **options: Any) -> Path:
+        destination = Path(path).expanduser().absolute()
+        _remove_remains(destination)
+        stage = destination.with_name(f".{destination.name}.new-{uuid.uuid4().hex}")
+        try:
+            with named_in_errors(destination):
+                super().save(stage, **options)
+                seal(stage)
+                _publish(stage, destination)
+        finally:
+            shutil.rmtree(stage, ignore_errors=True)
+        return destination
 
 
 def save(path: str | Path, components: Mapping[str, Any], record: Mapping[str, Any]) -> None:
     """Writes the components (with `state_dict`) and the record to `path`, replacing what was there."""
-    Checkpoint(**components).save(path, metadata=dict(record))
+    _SealedCheckpoint(components).save(path, metadata=dict(record))
 
 
 def save_step(
@@ -41,23 +88,36 @@ def save_step(
 ) -> None:
     """Writes the checkpoint of a step below `directory`; the one before goes once the new one is complete."""
     rotation = CheckpointRotation(directory, keep_last=1)
-    rotation.save(Checkpoint(**components), step=step, metadata=dict(record))
+    _remove_remains(rotation.directory / rotation.prefix)
+    rotation.save(_SealedCheckpoint(components), step=step, metadata=dict(record))
 
 
 def latest(directory: str | Path) -> Path | None:
-    """The newest complete checkpoint below `directory`."""
-    return CheckpointRotation(directory, keep_last=1).latest()
+    """The newest checkpoint below `directory`, damaged or not: `load` refuses one that is."""
+    steps = {
+        int(found[1]): path
+        for path in Path(directory).glob("checkpoint-*")
+        if (found := re.fullmatch(r"checkpoint-(\d+)", path.name))
+    }
+    return steps[max(steps)] if steps else None
+
+
+def is_checkpoint(path: str | Path) -> bool:
+    """Whether there is a checkpoint at `path`, damaged or not."""
+    return any((Path(path) / part).exists() for part in PARTS)
 
 
 def read_record(path: str | Path, **expected: Any) -> dict[str, Any]:
     """The record of the checkpoint at `path`.
 
     Raises:
-        FileNotFoundError: if there is no checkpoint.
+        MissingFileError: if there is no checkpoint; a FileNotFoundError.
+        DamagedCheckpointError: if the file with the record is not as it was written.
         CheckpointMismatchError: if an `expected` value is not the recorded one.
     """
-    if not Checkpoint.is_checkpoint(path):
-        raise FileNotFoundError(f"no checkpoint at {path}")
+    if not is_checkpoint(path):
+        raise MissingFileError(f"no checkpoint at {path}{made_by(path)}")
+    verify(Path(path), only=[MANIFEST])
     record = Checkpoint.manifest(path)["metadata"]
     wrong = differences({name: record.get(name) for name in expected}, expected)
     if wrong:
@@ -66,10 +126,44 @@ def read_record(path: str | Path, **expected: Any) -> dict[str, Any]:
 
 
 def load(path: str | Path, components: Mapping[str, Any], **expected: Any) -> dict[str, Any]:
-    """Restores the components and returns the record; see `read_record` for what is raised."""
+    """Restores the components and returns the record, once every file is known to be as it was written.
+
+    Raises:
+        MissingFileError, DamagedCheckpointError, CheckpointMismatchError: see `read_record`; also a mismatch if the
+            components are not those that were saved.
+    """
     record = read_record(path, **expected)
-    Checkpoint(**components).load(path, map_location="cpu")  # a component knows its own device
+    files = verify(Path(path))
+    try:
+        _SealedCheckpoint(components).load(path, map_location="cpu")  # a component knows its own device
+    except CheckpointError as error:
+        if isinstance(error.__cause__, UserError):
+            raise error.__cause__ from error
+        raise CheckpointMismatchError(f"{path} was saved by other code or settings: {error}") from error
+    if read_seal(Path(path)) != files:
+        raise DamagedCheckpointError(f"{path} was replaced while it was read: read it again")
     return record
+
+
+def _publish(stage: Path, destination: Path) -> None:
+    """Puts a complete folder in its place; what was there stays until then."""
+    before = destination.with_name(f".{destination.name}.old-{uuid.uuid4().hex}")
+    if destination.exists():
+        os.replace(destination, before)
+    try:
+        os.replace(stage, destination)
+    except OSError:
+        if before.exists():
+            os.replace(before, destination)
+        raise
+    shutil.rmtree(before, ignore_errors=True)
+
+
+def _remove_remains(destination: Path) -> None:
+    """Removes what processes that were killed while they wrote here have left."""
+    for left in destination.parent.glob(f".*{destination.name}*"):
+        if re.fullmatch(rf"\.+{re.escape(destination.name)}(-\d+)?(\.[a-z]+-[0-9a-f]{{32}})+", left.name):
+            shutil.rmtree(left, ignore_errors=True)
 
 
 def differences(saved: Any, wanted: Any, name: str = "") -> list[str]:

@@ -1,13 +1,19 @@
 """CSV tables that outlive a process killed at any moment: rows are added at the end, anything else is done at once."""
 
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
-__all__ = ["MetricsLog", "append_rows"]
+from tstar_rl.checks import UserError
+from tstar_rl.runs.files import append_text, replacing, turn_to_write
+
+__all__ = ["LogError", "MetricsLog", "append_rows"]
+
+
+class LogError(UserError, ValueError):
+    """A table of a run has fewer rows than its checkpoint counts."""
 
 
 class MetricsLog:
@@ -24,43 +30,61 @@ class MetricsLog:
         self.rows = 0
 
     def append(self, row: Mapping[str, Any]) -> None:
-        """Adds one row and flushes it to disk. A name that is new becomes a column, empty in the rows before."""
+        """Adds one row, all of it or nothing. A name that is new becomes a column, empty in the rows before."""
         new = [name for name in row if name not in self.columns]
         if new and self.rows:
             table = pd.read_csv(self.path, dtype=str, keep_default_na=False)
             _replace(self.path, table.assign(**dict.fromkeys(new, "")).to_csv(index=False))
-        self.columns += new
-        frame = pd.DataFrame([row], columns=self.columns)
-        frame.to_csv(self.path, mode="a" if self.rows else "w", header=not self.rows, index=False)
-        self.rows += 1
+        columns = self.columns + new
+        text = pd.DataFrame([row], columns=columns).to_csv(index=False, header=not self.rows)
+        if self.rows:
+            append_text(self.path, text)
+        else:
+            _replace(self.path, text)
+        self.columns, self.rows = columns, self.rows + 1
+
+    def check(self, rows: int) -> None:
+        """Raises a LogError if the file has not as many rows."""
+        self._lines(rows)
 
     def truncate(self, rows: int) -> None:
-        """Keeps the first `rows` rows; the columns are those of the file."""
+        """Keeps the first `rows` rows; the columns are those of the file.
+
+        Raises:
+            LogError: if there are not so many; the file stays as it is.
+        """
         if rows == 0:
             self.path.unlink(missing_ok=True)
             self.columns, self.rows = [], 0
             return
-        lines = self.path.read_text().splitlines(keepends=True)
-        if len(lines) < rows + 1:
-            raise ValueError(f"{self.path} has {len(lines) - 1} rows, but its checkpoint counts {rows}")
+        lines = self._lines(rows)
         _replace(self.path, "".join(lines[: rows + 1]))
         self.columns, self.rows = lines[0].strip().split(","), rows
 
+    def _lines(self, rows: int) -> list[str]:
+        """The lines of the file, the header and at least `rows`."""
+        lines = self.path.read_text().splitlines(keepends=True) if self.path.is_file() else []
+        if rows and len(lines) < rows + 1:
+            found = f"has {len(lines) - 1} rows" if lines else "is missing"
+            raise LogError(f"{self.path} {found}, but its checkpoint counts {rows}: put the table back")
+        return lines
+
 
 def append_rows(path: str | Path, rows: list[dict[str, Any]], key: tuple[str, ...]) -> pd.DataFrame:
-    """Writes rows into a CSV table, in the place of rows with the same values of `key`; returns the table."""
+    """Writes rows into a CSV table, in the place of rows with the same values of `key`; returns the table.
+
+    Of several processes that do so at once none loses another's rows.
+    """
     path, new = Path(path), pd.DataFrame(rows)
-    if path.is_file():
-        old = pd.read_csv(path)
-        same = old.set_index(list(key)).index.isin(new.set_index(list(key)).index)
-        new = pd.concat([old[~same], new], ignore_index=True) if not same.all() else new
-    path.parent.mkdir(parents=True, exist_ok=True)
-    _replace(path, new.to_csv(index=False))
+    with turn_to_write(path.parent):
+        if path.is_file():
+            old = pd.read_csv(path)
+            same = old.set_index(list(key)).index.isin(new.set_index(list(key)).index)
+            new = pd.concat([old[~same], new], ignore_index=True) if not same.all() else new
+        _replace(path, new.to_csv(index=False))
     return new
 
 
 def _replace(path: Path, text: str) -> None:
-    """Writes a file at once: a process that is killed leaves the old text or the new one."""
-    partial = path.with_name(path.name + ".partial")
-    partial.write_text(text)
-    os.replace(partial, path)
+    with replacing(path) as partial:
+        partial.write_text(text)

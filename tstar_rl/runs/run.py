@@ -16,8 +16,9 @@ from torch import Tensor
 from torchrl.checkpoint import GlobalRNGState
 from tqdm import tqdm
 
-from tstar_rl.runs import checkpoint
-from tstar_rl.runs.csv_tables import MetricsLog
+from tstar_rl.runs import checkpoint, lock
+from tstar_rl.runs.csv_tables import LogError, MetricsLog
+from tstar_rl.runs.files import replacing
 from tstar_rl.runs.run_folder import run_path, write_config
 
 __all__ = ["MACHINE_ONLY", "Run"]
@@ -50,7 +51,7 @@ class Run:
             running mean of the subtasks completed in training.
 
     Raises:
-        CheckpointMismatchError: when resuming a run that had another config.
+        RunInUseError: if another process runs in the same folder.
     """
 
     def __init__(
@@ -59,6 +60,7 @@ class Run:
         place = (config["task"]["name"], config["system"], config["seed"], subtask)
         self.results = run_path(config["results_dir"], *place)
         self.work = run_path(config["runs_dir"], *place)
+        lock.hold(self.work)
         self.record = {name: value for name, value in config.items() if name not in MACHINE_ONLY}
         self.record["subtask"] = subtask
         self.config, self.total, self.trials = config, total, trials
@@ -79,9 +81,14 @@ class Run:
         )
 
     def start(self, **components: Any) -> int:
-        """Names what a checkpoint holds, resumes from one if there is one, and returns the steps done so far."""
+        """Names what a checkpoint holds, resumes from one if there is one, and returns the steps done so far.
+
+        Raises:
+            CheckpointMismatchError: when resuming a run that had another config.
+            DamagedCheckpointError: if the newest checkpoint is not as it was written. Nothing is touched then.
+            LogError: if a table of the run has lost rows.
+        """
         self.components = {**components, "run": self, "rng": GlobalRNGState()}
-        (self.work / "finished.json").unlink(missing_ok=True)  # until it is done again
         found = checkpoint.latest(self.work / "checkpoints") if self.config["resume"] else None
         if found is None:
             shutil.rmtree(self.work / "checkpoints", ignore_errors=True)
@@ -91,8 +98,9 @@ class Run:
         else:
             try:
                 checkpoint.load(found, self.components, **self.record)
-            except checkpoint.CheckpointMismatchError as error:
-                raise checkpoint.CheckpointMismatchError(f"{error} (resume=false starts over)") from error
+            except (checkpoint.CheckpointMismatchError, checkpoint.DamagedCheckpointError, LogError) as error:
+                raise type(error)(f"{error} (resume=false starts over)") from error
+        (self.work / "finished.json").unlink(missing_ok=True)  # until it is done again
         self.bar.update(self.env_steps - self.bar.n)
         self._clock = time.perf_counter()
         return self.env_steps
@@ -159,7 +167,13 @@ class Run:
         }
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Goes back to where the log stood: rows written since are dropped."""
+        """Goes back to where the log stood: rows written since are dropped.
+
+        Raises:
+            LogError: if a table has lost rows; none is changed then.
+        """
+        for name in LOGS:
+            getattr(self, name).check(int(state[name]))
         self.env_steps, self.seconds = int(state["env_steps"]), float(state["seconds"])
         self._last_save, self.turn = int(state["last_save"]), int(state["turn"])
         self.recent = {name: float(state["recent"][name]) for name in FOLLOWED}
@@ -168,8 +182,8 @@ class Run:
             getattr(self, name).truncate(int(state[name]))
 
     def finish(self) -> None:
-        """Closes the bar and notes that the run is complete."""
+        """Closes the bar, notes that the run is complete, and gives its folder back."""
         self.bar.close()
-        (self.work / "finished.json").write_text(
-            json.dumps({"env_steps": self.env_steps, "minutes": self.seconds / 60})
-        )
+        with replacing(self.work / "finished.json") as partial:
+            partial.write_text(json.dumps({"env_steps": self.env_steps, "minutes": self.seconds / 60}))
+        lock.release(self.work)

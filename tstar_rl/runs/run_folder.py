@@ -10,7 +10,12 @@ from typing import Any, NamedTuple
 
 import yaml
 
-__all__ = ["Place", "note_evaluation", "read_run_path", "run_path", "write_config"]
+from tstar_rl.runs.files import replacing, turn_to_write
+
+__all__ = ["Place", "made_by", "note_evaluation", "read_run_path", "run_path", "write_config"]
+
+CODE = ("*.py", "configs", "envs", "pyproject.toml")
+"""What decides a run's figures, from the repository's root: a change there is recorded."""
 
 
 class Place(NamedTuple):
@@ -44,11 +49,21 @@ def read_run_path(path: Path) -> tuple[Place, Path]:
     return Place(task, system, int(seed), None if subtask is None else int(subtask)), Path(rest or "")
 
 
+def made_by(path: str | Path) -> str:
+    """What a message says of a run's missing file: the recipe that writes it; nothing if the path is of no run."""
+    found = re.search(r"([^/]+)/([^/]+)/seed(\d+)(?:/subtask(\d+))?(?:/|$)", Path(path).as_posix())
+    if found is None:
+        return ""
+    task, system, seed, subtask = found.groups()
+    part = "" if subtask is None else f" subtask={subtask}"
+    return f": train it first (python recipes/{system}.py task={task}{part} seed={seed})"
+
+
 def write_config(folder: Path, config: Mapping[str, Any]) -> None:
     """Writes config.yaml: plain values, the versions of what they ran on, and the commit."""
-    folder.mkdir(parents=True, exist_ok=True)
     kept = {**config, "versions": _versions()}
-    (folder / "config.yaml").write_text(yaml.safe_dump(kept, sort_keys=False))
+    with turn_to_write(folder), replacing(folder / "config.yaml") as partial:
+        partial.write_text(yaml.safe_dump(kept, sort_keys=False))
 
 
 def note_evaluation(folder: Path, config: Mapping[str, Any]) -> None:
@@ -74,9 +89,20 @@ def _versions() -> dict[str, str]:
 
 
 def _commit() -> str:
-    """Of the repository that this file is in, wherever the process runs; empty without one, or without git."""
-    command = ["git", "-C", str(Path(__file__).parent), "rev-parse", "HEAD"]
+    """Of the repository that this file is tracked in, "-dirty" at its end if code or configs differ from it.
+
+    Empty without git, or where the package is installed and no clone, also if it lies below another repository.
+    """
+    root, here = Path(__file__).parents[2], Path(__file__).name
     try:
-        return subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip()
+        tracked = _git(Path(__file__).parent, "ls-files", "--error-unmatch", here)
+        commit = _git(root, "rev-parse", "HEAD") if tracked else ""
+        dirty = commit and _git(root, "status", "--porcelain", "--", *CODE)
     except FileNotFoundError:
         return ""
+    return f"{commit}-dirty" if dirty else commit
+
+
+def _git(folder: Path, *command: str) -> str:
+    done = subprocess.run(["git", "-C", str(folder), *command], capture_output=True, text=True, check=False)
+    return done.stdout.strip() if done.returncode == 0 else ""

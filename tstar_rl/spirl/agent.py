@@ -9,6 +9,7 @@ import torch
 from tensordict import TensorDictBase
 from torchrl.envs import TransformedEnv
 
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.models.normalizer import Normalizer
 from tstar_rl.models.relative_features import RelativeFeatures
 from tstar_rl.models.state_input import StateInput
@@ -124,7 +125,7 @@ class SpirlTraining:
     ) -> None:
         backend = config["collection"]["backend"]
         if backend != "local":
-            raise ValueError(f"SPiRL runs with collection.backend=local only, got {backend!r}")
+            raise InvalidValueError(f"SPiRL runs with collection.backend=local only, got {backend!r}")
         self.agent, self.seed, self.system = agent, seed, config["system"]
         self.total, self.save_every = config["spirl"]["total_steps"], config["spirl"]["checkpoint_every"]
         self.run = Run(config, config["subtask"], self.total)

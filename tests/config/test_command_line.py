@@ -1,0 +1,145 @@
+"""A user's mistake on the command line ends in one or two lines: what was got, what is valid, where it belongs."""
+
+import importlib.util
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tstar_rl.chaining.skill import NetworkSettings, Skill
+from tstar_rl.checks import UserError
+from tstar_rl.config import ranges
+from tstar_rl.config.command_line import FULL_ERROR, HINT
+from tstar_rl.config.load import recipe
+from tstar_rl.runs.run_folder import run_path
+
+ROOT = Path(__file__).resolve().parents[2]
+SMALL = NetworkSettings(hidden=(16,), std="fixed", discriminator_hidden=(16,))
+
+
+@pytest.fixture
+def say(monkeypatch, tmp_path):
+    """Gives the message that a recipe ends with, run in this process from an empty folder."""
+    monkeypatch.delenv(FULL_ERROR, raising=False)
+    monkeypatch.chdir(tmp_path)
+
+    def run(name: str, *values: str) -> str:
+        monkeypatch.setattr(sys, "argv", [f"{name}.py", "progress_bar=false", *values])
+        spec = importlib.util.spec_from_file_location(f"recipe_{name}", ROOT / "recipes" / f"{name}.py")
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        with pytest.raises(SystemExit) as ended:
+            module.main()
+        assert FULL_ERROR not in os.environ
+        message = ended.value.code
+        assert isinstance(message, str) and message.endswith(f"\n{HINT}") and message.count("\n") == 1
+        return message.removesuffix(f"\n{HINT}")
+
+    return run
+
+
+MISTAKES = [
+    # an unknown key
+    ("gail_ppo", ["sede=1"], "the config has no sede; it has system, .*; did you mean seed"),
+    ("gail_ppo", ["ppo.learning_rat=1"], "ppo has no learning_rat; it has epochs, .*did you mean learning_rate"),
+    ("gail_ppo", ["popo.epochs=1"], "the config has no popo; it has system, .*of the recipe gail_ppo"),
+    ("gail_ppo", ["scael=laptop"], r"the config of gail_ppo has no scael; did you mean scale=\.\.\.\?"),
+    ("gail_ppo", ["env.snp=true"], "unknown task setting 'snp' .*did you mean 'snap'"),
+    ("gail_ppo", ["env.snap=true"], r"env.snap is valid, but not set in .* of gail_ppo: write \+env.snap=\.\.\."),
+    ("gail_ppo", ["bonus=1"], "the config has no bonus; it has .*of the recipe gail_ppo"),
+    ("gail_ppo", ["seed.x=1"], r"seed must be a whole number, got \{'x': 1\}"),
+    ("gail_ppo", ["+seed=1"], "An item is already at 'seed'. Either remove"),
+    ("gail_ppo", ["seed=["], r"cannot read 'seed=\[': write key=value"),
+    # an unknown option of a group
+    ("gail_ppo", ["task=table_lak"], "task must be one of chair_ingolf, .*configs/task.*did you mean table_lack"),
+    ("gail_ppo", ["scale=huge"], "scale=huge: scale must be one of ablation, gpu, laptop"),
+    ("ablate", ["ablation=lamda_3"], "ablation must be one of d_omega, .*did you mean lambda_3"),
+    ("ablate", ["ablation=[lambda_3,strats]"], "ablation=strats: ablation must be .*did you mean starts"),
+    # a value that is not valid
+    ("gail_ppo", ["seed=one"], "seed must be a whole number, got 'one'"),
+    ("gail_ppo", ["seed=-5"], "seed must be a whole number from 0, got -5"),
+    ("assemble", ["seeds=[0,-1]"], "seeds must be whole numbers from 0, got -1"),
+    ("gail_ppo", ["subtask=-1"], r"subtask of table_lack must be null \(the whole task\) or in 0..3, got -1"),
+    ("evaluate", ["subtask=4"], "subtask of table_lack must be .* got 4"),
+    ("gail_ppo", ["training.num_envs=0"], "training.num_envs must be a whole number from 1, got 0"),
+    ("gail_ppo", ["ppo.epochs=0"], "ppo.epochs must be at least 1, got 0"),
+    ("gail_ppo", ["networks.activation=gelu"], "activation must be one of relu, tanh; got 'gelu'"),
+    ("gail_ppo", ["env.velocity_scale=2"], r"velocity_scale must be in \(0, 1\], got 2"),
+    ("gail_ppo", ["demonstrations.kind=clean"], "demonstrations.kind must be one of plain, noisy; got 'clean'"),
+    ("gail_ppo", ["collection.backend=dask"], "collection.backend must be one of local, ray; got 'dask'"),
+    ("assemble", ["launch=slurm"], "launch must be one of local, ray; got 'slurm'"),
+    ("gail_ppo", ["physics=isaac"], "physics must be one of mujoco, warp, null; got 'isaac'"),
+    ("gail_ppo", ["device=mps"], "device must be cpu or cuda, got 'mps'"),
+    ("tstar", ["chain.links=5"], r"chain.links must be null or in 2..4 for table_lack, got 5"),
+    ("tstar", ["chain.starts={buffer: 2}"], "shares of starts must .* sum to 1"),
+    ("gail_ppo", [], "networks.features needs one subtask: set subtask=0.. or networks.features=false"),
+    ("spirl", ["subtask=0", "collection.backend=ray"], "spirl.py runs with collection.backend=local"),
+    ("evaluate", ["modes=[best]"], "mode must be one of deterministic, stochastic; got 'best'"),
+    ("evaluate", ["path=runs/table_lack/tstar/seed1", "seed=0"], "is of seed=1, but seed=0 is asked for"),
+    # something that is not there
+    ("gail_ppo", ["subtask=0"], "no demonstrations at demonstrations/.*recipes/make_demonstrations.py writes them"),
+    ("tstar", [], "no checkpoint at runs/.*train it first .*recipes/gail_ppo.py task=table_lack subtask=0 seed=0"),
+    ("evaluate", ["system=tstar"], "no skill and no chain at runs/table_lack/tstar/seed0"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "values", "message"), MISTAKES)
+def test_a_mistake_is_told_in_words(say, name, values, message):
+    assert re.search(message, say(name, *values))
+
+
+def test_a_checkpoint_that_belongs_elsewhere_or_is_damaged_is_told_in_words(say):
+    place = run_path("runs", "table_lack", "gail_ppo", 0, 0) / "last"
+    Skill("table_lack", 1, SMALL).save(place)
+    assert re.search("subtask0/last does not belong here: subtask was 1 .*is 0 now", say("tstar"))
+    (place / "manifest.json").unlink()
+    assert re.search("last is damaged: manifest.json is missing", say("evaluate", f"path={place}"))
+    assert re.search("subtask0/last is damaged: manifest.json is missing", say("tstar"))
+
+
+def test_a_missing_extra_is_told_in_words(say, monkeypatch):
+    monkeypatch.setattr(ranges.importlib.util, "find_spec", lambda name: None)
+    assert re.search(
+        r"need Ray, which is not installed: .*install -e '.\[ray\]'", say("assemble", "launch=ray")
+    )
+    assert re.search(r"need mujoco_warp, .*install -e '.\[gpu\]'", say("gail_ppo", "physics=warp"))
+
+
+def test_a_device_that_is_not_there_is_told_in_words(say, monkeypatch):
+    monkeypatch.setattr(ranges.torch.cuda, "is_available", lambda: False)
+    assert "torch finds no CUDA device on this machine" in say("gail_ppo", "device=cuda")
+
+
+def test_an_error_of_the_program_is_no_message(monkeypatch, capfd, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["plot.py"])
+
+    def fails(config):
+        raise ValueError("not the user's")
+
+    with pytest.raises(SystemExit) as ended:
+        recipe("plot")(fails)()
+    told = capfd.readouterr().err
+    assert ended.value.code == 1 and "Traceback" in told and "in fails" in told and "not the user's" in told
+
+
+def test_with_a_full_error_everything_is_raised(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv(FULL_ERROR, "1")
+    monkeypatch.setattr(sys, "argv", ["plot.py", "seed=-5"])
+    with pytest.raises(UserError, match="seed must be"):
+        recipe("plot")(lambda config: None)()
+    assert os.environ[FULL_ERROR] == "1"
+
+
+def test_as_a_user_sees_it(tmp_path):
+    path = os.pathsep.join([str(ROOT), str(ROOT / "envs")])
+    environ = {name: value for name, value in os.environ.items() if name != FULL_ERROR} | {"PYTHONPATH": path}
+    command = [sys.executable, str(ROOT / "recipes" / "gail_ppo.py"), "subtask=-1"]
+    done = subprocess.run(command, env=environ, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 1 and not done.stdout
+    first, second = done.stderr.splitlines()
+    assert first.startswith("subtask of table_lack must be") and second == HINT

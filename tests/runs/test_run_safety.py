@@ -1,0 +1,130 @@
+"""What a run does not lose: two runs in one folder, a damaged checkpoint, lost rows, another config, a dirty tree."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pandas as pd
+import pytest
+import torch
+from saved_run import a_run, a_run_that_saved, contents
+
+from tstar_rl.runs import checkpoint, lock, run_folder
+from tstar_rl.runs.csv_tables import LogError
+from tstar_rl.runs.lock import RunInUseError
+
+ROOT = Path(__file__).resolve().parents[2]
+HOLD = "import sys; from pathlib import Path; from tstar_rl.runs import lock; lock.hold(Path(sys.argv[1])); "
+
+
+def other_process(code: str, *arguments: str) -> subprocess.Popen[str]:
+    path = os.pathsep.join([str(ROOT), str(ROOT / "envs")])
+    command = [sys.executable, "-c", HOLD + code, *arguments]
+    pipe = subprocess.PIPE
+    return subprocess.Popen(
+        command, env={**os.environ, "PYTHONPATH": path}, stdout=pipe, stdin=pipe, text=True
+    )
+
+
+def test_the_second_of_two_runs_in_a_folder_is_stopped_and_touches_nothing(tmp_path):
+    a_run_that_saved(tmp_path)
+    lock.release(tmp_path / "runs/table/chain/seed0")
+    before = contents(tmp_path)
+    first = other_process("print('held', flush=True); input()", str(tmp_path / "runs/table/chain/seed0"))
+    assert first.stdout.readline() == "held\n"
+    with pytest.raises(RunInUseError, match=rf"seed0 is in use by process {first.pid} on .*wait.*runs_dir="):
+        a_run(tmp_path)
+    assert contents(tmp_path) == before
+    first.kill()  # -9: nothing of its own runs any more
+    first.wait()
+    assert a_run(tmp_path).start(module=torch.nn.Linear(1, 1)) == 10
+
+
+def test_a_folder_is_free_when_its_run_has_finished(tmp_path):
+    run = a_run(tmp_path)
+    run.start()
+    run.finish()
+    other = other_process("print('held')", str(run.work))
+    assert other.communicate()[0] == "held\n"
+
+
+def test_rows_that_processes_add_at_once_are_all_kept(tmp_path):
+    code = (
+        "from tstar_rl.runs.csv_tables import append_rows; print('ready', flush=True); input();"
+        "[append_rows(sys.argv[2], [{'who': sys.argv[3], 'n': n}], ('who', 'n')) for n in range(20)]"
+    )
+    names = ("a", "b")
+    table = str(tmp_path / "evaluation.csv")
+    both = [other_process(code, str(tmp_path / name), table, name) for name in names]
+    for process in both:
+        assert process.stdout.readline() == "ready\n"
+    for process in both:
+        process.stdin.write("\n")
+        process.stdin.flush()
+    assert [process.wait() for process in both] == [0, 0]
+    assert pd.read_csv(table).groupby("who").n.apply(list).to_dict() == {name: [*range(20)] for name in names}
+
+
+def test_a_damaged_newest_checkpoint_stops_a_run_that_resumes(tmp_path):
+    a_run_that_saved(tmp_path)
+    run = a_run(tmp_path)
+    (newest,) = (run.work / "checkpoints").glob("checkpoint-*")
+    (tmp_path / "runs/table/chain/seed0/finished.json").write_text("{}")
+    for name in ("manifest.json", "components/0000-module/state.tdz"):
+        whole = (newest / name).read_bytes()
+        (newest / name).write_bytes(whole[:-1])
+        before = contents(tmp_path)
+        with pytest.raises(
+            checkpoint.DamagedCheckpointError, match=rf"{name} has .*resume=false starts over"
+        ):
+            a_run(tmp_path).start(module=torch.nn.Linear(1, 1))
+        assert contents(tmp_path) == before
+        (newest / name).write_bytes(whole)
+    assert a_run(tmp_path).start(module=torch.nn.Linear(1, 1)) == 10
+
+
+def test_a_table_that_has_lost_rows_stops_a_run_that_resumes(tmp_path):
+    a_run_that_saved(tmp_path)
+    table = tmp_path / "results/table/chain/seed0/metrics.csv"
+    for said, damage in (
+        ("has 0 rows", lambda: table.write_text("env_steps\n")),
+        ("is missing", table.unlink),
+    ):
+        damage()
+        before = contents(tmp_path)
+        with pytest.raises(LogError, match=rf"metrics.csv {said}, but its checkpoint counts 1.*resume=false"):
+            a_run(tmp_path).start(module=torch.nn.Linear(1, 1))
+        assert contents(tmp_path) == before
+
+
+def test_another_config_stops_a_run_that_resumes_and_leaves_it_finished(tmp_path):
+    a_run_that_saved(tmp_path)
+    run = a_run(tmp_path)
+    run.finish()
+    before = contents(tmp_path)
+    with pytest.raises(checkpoint.CheckpointMismatchError, match="size was None.*resume=false starts over"):
+        a_run(tmp_path, size=3).start(module=torch.nn.Linear(1, 1))
+    assert contents(tmp_path) == before
+
+
+def test_a_commit_says_whether_the_code_differs_from_it(tmp_path, monkeypatch):
+    package = tmp_path / "tstar_rl" / "runs"
+    package.mkdir(parents=True)
+    (package / "run_folder.py").write_text("")
+    monkeypatch.setattr(run_folder, "__file__", str(package / "run_folder.py"))
+
+    def git(*command: str) -> None:
+        who = ["-c", "user.name=a", "-c", "user.email=a@b", "-c", "commit.gpgsign=false"]
+        subprocess.run(["git", "-C", str(tmp_path), *who, *command], check=True, capture_output=True)
+
+    git("init")
+    assert run_folder._commit() == ""  # a repository around an installed package says nothing of it
+    git("add", ".")
+    git("commit", "-m", "first")
+    clean = run_folder._commit()
+    assert len(clean) == 40
+    (tmp_path / "notes.txt").write_text("decides nothing")
+    assert run_folder._commit() == clean
+    (tmp_path / "new.py").write_text("")
+    assert run_folder._commit() == f"{clean}-dirty"

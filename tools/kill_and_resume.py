@@ -1,0 +1,233 @@
+"""Kills recipes at random moments (-9), starts them again, and compares what they leave with runs that nobody killed.
+
+    python tools/kill_and_resume.py --kills 100                 # a training, a chain, evaluations, ... in turn
+    python tools/kill_and_resume.py --kills 3 --only chain
+
+All of it at a tiny scale. First `assemble` runs through: its tables, demonstrations and skills are what is compared
+with, and what the other recipes start from. Then each recipe is killed with all its processes, as by a power cut, and
+started again, until it is done; that repeats until it has had its share of the kills. Prints a table; exits with 1 if
+any start failed or anything differs.
+"""
+
+import argparse
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from tstar_rl.chaining.skill import Skill
+from tstar_rl.runs.checkpoint import is_checkpoint
+
+ROOT = Path(__file__).resolve().parents[1]
+TASK = ("demonstrations", "runs", "results")
+TINY = [
+    "scale=quick", "progress_bar=false", "demonstrations.episodes=8", "demonstrations.num_envs=8", "bc.epochs=20",
+    "training.num_envs=8", "training.horizon=16", "training.total_steps=1024", "training.checkpoint_every=256",
+    "ppo.minibatch=64", "chain.rounds=1", "chain.steps_per_turn=256", "chain.trial_episodes=8",
+    "chain.whole_trial_episodes=8", "evaluation.episodes=8", "evaluation.whole_episodes=8", "evaluation.recorded=0",
+]  # fmt: skip
+TIMED = ["minutes"]
+"""Columns of tables that are measured times."""
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A recipe that is killed.
+
+    Attributes:
+        command: its name and values.
+        needs: folders of a finished pipeline that it starts from.
+        leaves: what it writes, as patterns of files below the folders.
+    """
+
+    command: tuple[str, ...]
+    needs: tuple[str, ...]
+    leaves: tuple[str, ...]
+
+
+SUBJECTS = {
+    "training": Subject(
+        ("gail_ppo", "subtask=0"),
+        ("demonstrations",),
+        ("results/*/gail_ppo/seed0/subtask0/metrics.csv", "runs/*/gail_ppo/seed0/subtask0/last"),
+    ),
+    "chain": Subject(
+        ("tstar",),
+        ("demonstrations", "runs/*/gail_ppo"),
+        (
+            "results/*/tstar/seed0/metrics.csv",
+            "results/*/tstar/seed0/terminal_states.csv",
+            "runs/*/tstar/seed0/*/skill*",
+        ),
+    ),
+    "evaluation": Subject(("evaluate", "system=tstar"), ("runs",), ("results/*/tstar/seed0/evaluation.csv",)),
+    "demonstrations": Subject(
+        ("make_demonstrations", "subtask=0", "kinds=[noisy]"), (), ("demonstrations/*/subtask0_noisy.npz",)
+    ),
+    "assemble": Subject(
+        ("assemble", "processes=1"),
+        (),
+        ("results/**/*.csv", "demonstrations/*/*.npz", "runs/**/last", "runs/**/best", "runs/**/skill*"),
+    ),
+}
+
+
+def start(subject: Subject, folder: Path, errors: Path) -> subprocess.Popen[bytes]:
+    """Starts a recipe, in a process group of its own."""
+    name, *values = subject.command
+    places = [f"{kind}_dir={folder / kind}" for kind in TASK]
+    environ = {**os.environ, "PYTHONPATH": f"{ROOT}:{ROOT / 'envs'}", "OMP_NUM_THREADS": "1"}
+    command = [sys.executable, str(ROOT / "recipes" / f"{name}.py"), *TINY, *values, *places]
+    with errors.open("wb") as file:
+        return subprocess.Popen(
+            command, env=environ, stdout=subprocess.DEVNULL, stderr=file, start_new_session=True
+        )
+
+
+def prepare(subject: Subject, whole: Path, folder: Path) -> None:
+    """Copies what a recipe starts from into an empty folder."""
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    for pattern in subject.needs:
+        for found in whole.glob(pattern):
+            shutil.copytree(found, folder / found.relative_to(whole))
+
+
+def differing(subject: Subject, whole: Path, folder: Path) -> list[str]:
+    """The paths below `folder` that are missing or differ from those below `whole`."""
+    wanted = {
+        path.relative_to(place)
+        for place in (whole, folder)
+        for pattern in subject.leaves
+        for path in place.glob(pattern)
+    }
+    wrong = [str(path) for path in sorted(wanted) if not _same(whole / path, folder / path)]
+    return wrong if wanted else ["nothing was written"]
+
+
+def _same(first: Path, second: Path) -> bool:
+    if not (first.exists() and second.exists()):
+        return False
+    if first.suffix == ".csv":
+        tables = [pd.read_csv(path, dtype=str, keep_default_na=False) for path in (first, second)]
+        return (
+            tables[0]
+            .drop(columns=TIMED, errors="ignore")
+            .equals(tables[1].drop(columns=TIMED, errors="ignore"))
+        )
+    if first.suffix == ".npz":
+        one, two = np.load(first), np.load(second)
+        return one.files == two.files and all(np.array_equal(one[name], two[name]) for name in one.files)
+    if not is_checkpoint(first):  # of a chain: its skills are found by themselves
+        return not is_checkpoint(second)
+    states = [Skill.load(path).network_state() for path in (first, second)]
+    return all(
+        states[0][net][key].equal(value) for net, keys in states[1].items() for key, value in keys.items()
+    )
+
+
+def untouched(subject: Subject, whole: Path, folder: Path) -> float:
+    """The seconds that a recipe takes if nobody kills it.
+
+    Raises:
+        SystemExit: if it fails.
+    """
+    prepare(subject, whole, folder)
+    began = time.perf_counter()
+    if start(subject, folder, folder.with_suffix(".err")).wait():
+        raise SystemExit(folder.with_suffix(".err").read_text())
+    return time.perf_counter() - began
+
+
+@dataclass
+class Count:
+    """What became of a recipe."""
+
+    kills: int = 0
+    completed: int = 0
+    failed: int = 0
+    different: int = 0
+
+
+def torment(
+    subject: Subject, whole: Path, folder: Path, kills: int, seconds: float, draw: random.Random
+) -> Count:
+    """Kills and resumes a recipe `kills` times, and compares what it leaves each time that it is done.
+
+    Args:
+        subject: the recipe.
+        whole: what nobody killed has left.
+        folder: where it runs.
+        kills: how many.
+        seconds: that it takes; each kill comes at a random moment within them.
+        draw: of the moments.
+    """
+    count, errors = Count(), folder.with_suffix(".err")
+    prepare(subject, whole, folder)
+    while True:
+        process = start(subject, folder, errors)
+        moment = draw.uniform(0, seconds) if count.kills < kills else None
+        try:
+            code = process.wait(moment)
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+            count.kills += 1
+            print(f"  killed after {moment:.1f} s")
+            continue
+        if code:
+            count.failed += 1
+            print(f"  FAILED: {errors.read_text()[-2000:]}")
+            return count
+        wrong = differing(subject, whole, folder)
+        count.completed, count.different = count.completed + 1, count.different + bool(wrong)
+        print(f"  done; {'differs: ' + ', '.join(wrong) if wrong else 'the same'}")
+        if count.kills >= kills:
+            return count
+        prepare(subject, whole, folder)
+
+
+def main() -> int:
+    """Runs through once, then kills."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--kills", type=int, default=100, help="in all")
+    parser.add_argument("--only", choices=SUBJECTS, nargs="+", default=list(SUBJECTS))
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument(
+        "--keep", type=Path, help="keep the runs in this folder; a whole run there is used again"
+    )
+    given = parser.parse_args()
+    sys.stdout.reconfigure(line_buffering=True)
+    draw, counts = random.Random(given.seed), {}
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = given.keep or Path(scratch)
+        whole = folder / "whole"
+        folder.mkdir(parents=True, exist_ok=True)
+        if not (folder / "whole.done").exists():
+            (folder / "whole.done").write_text(str(untouched(SUBJECTS["assemble"], whole, whole)))
+        for number, name in enumerate(given.only):
+            share = given.kills // len(given.only) + (number < given.kills % len(given.only))
+            if name == "assemble":
+                seconds = float((folder / "whole.done").read_text())
+            else:
+                seconds = untouched(SUBJECTS[name], whole, folder / name)
+            print(f"{name}, {seconds:.0f} s, {share} kills")
+            counts[name] = torment(SUBJECTS[name], whole, folder / name, share, seconds, draw)
+    table = pd.DataFrame({name: vars(count) for name, count in counts.items()}).T
+    print(table.to_string())
+    return int(table[["failed", "different"]].to_numpy().any())
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,151 @@
+"""How a recipe ends when its user made a mistake: one or two lines on stderr and exit code 1, no traceback.
+
+What counts as one: a `UserError`, what Hydra says of the command line, and an `OSError` (a file that is not there, a
+folder that cannot be written to, a full disk). Any other error is the program's, and shows its traceback. With
+HYDRA_FULL_ERROR=1 every error does.
+"""
+
+import difflib
+import errno
+import functools
+import os
+import re
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import hydra
+import yaml
+from hydra import compose, initialize_config_dir
+from hydra.errors import CompactHydraException, HydraException, MissingConfigException, OverrideParseException
+from omegaconf import DictConfig, OmegaConf, open_dict
+from omegaconf.errors import OmegaConfBaseException
+
+from tstar_rl.checks import UserError
+
+__all__ = ["command_line", "told_in_words"]
+
+FULL_ERROR = "HYDRA_FULL_ERROR"
+HINT = f"{FULL_ERROR}=1 shows where this was raised."
+FULL_DISK = (errno.ENOSPC, errno.EDQUOT)
+NOT_WRITABLE = (errno.EROFS, errno.EACCES, errno.EPERM)
+
+Body = Callable[[DictConfig], None]
+Check = Callable[[DictConfig], None]
+
+
+def command_line(body: Body, configs: Path, name: str, check: Check) -> Callable[..., None]:
+    """Makes a function of a config into one that reads the command line; with a config as its argument it runs that.
+
+    Args:
+        body: runs the recipe.
+        configs: the folder of the configs.
+        name: of the recipe's file in its folder `recipe`.
+        check: raises for a config with a key that is not known.
+    """
+
+    def job(config: DictConfig) -> None:
+        os.environ.pop(
+            FULL_ERROR, None
+        )  # it was for Hydra; the recipes that this one starts tell in words too
+        with told_in_words():
+            body(config)
+
+    def start(function: Body) -> None:
+        hydra.main(version_base="1.3", config_path=str(configs), config_name=f"recipe/{name}")(function)()
+
+    @functools.wraps(body)
+    def main(config: DictConfig | None = None) -> None:
+        if config is not None:
+            return body(config)
+        if os.environ.get(FULL_ERROR) == "1":
+            return start(body)
+        os.environ[FULL_ERROR] = "1"  # Hydra then raises what it would print in its own words
+        try:
+            start(job)
+        except (HydraException, OmegaConfBaseException) as error:
+            raise SystemExit(f"{_in_words(error, configs, name, check)}\n{HINT}") from None
+        finally:
+            os.environ.pop(FULL_ERROR, None)
+
+    return main
+
+
+@contextmanager
+def told_in_words() -> Iterator[None]:
+    """Ends the process with the message of a user's mistake or of a disk that takes no more.
+
+    Raises:
+        SystemExit: with that message; Python writes it to stderr and exits with code 1.
+    """
+    try:
+        yield
+    except UserError as error:
+        raise SystemExit(f"{error}\n{HINT}") from None
+    except OSError as error:
+        if error.errno is None and not isinstance(error, FileNotFoundError):
+            raise
+        raise SystemExit(f"{_of_the_disk(error)}\n{HINT}") from None
+
+
+def _of_the_disk(error: OSError) -> str:
+    if error.errno in FULL_DISK:
+        said = "What was written before stays as it was: make room, then give the same command again"
+        return f"no space left on the disk for {error.filename or 'a file'}. {said}"
+    if error.errno in NOT_WRITABLE:
+        places = "results_dir=... runs_dir=... demonstrations_dir=... give other folders"
+        return f"{error.filename or 'a file'} cannot be written ({error.strerror}): {places}"
+    return str(error)
+
+
+def _in_words(error: Exception, configs: Path, name: str, check: Check) -> str:
+    """What the command line should have been."""
+    text = " ".join(str(error).split())
+    if isinstance(error, MissingConfigException) and error.missing_cfg_file:
+        return _missing_file(Path(error.missing_cfg_file), configs)
+    if isinstance(error, OverrideParseException):
+        return f"cannot read {error.override!r}: write key=value, lists as [1,2], null for nothing"
+    unknown = re.match(r"Could not override '([^']+)'", text)
+    if unknown:
+        return _unknown_key(unknown[1], configs, name, check)
+    cause = error.__cause__ if isinstance(error, CompactHydraException) else None
+    return f"{text} ({' '.join(str(cause).split())})" if cause and str(cause) not in text else text
+
+
+def _missing_file(missing: Path, configs: Path) -> str:
+    """For an option that a group has no file for."""
+    group, option = missing.parent.as_posix(), missing.name.removesuffix(".yaml")
+    valid = sorted(path.stem for path in (configs / group).glob("*.yaml"))
+    if not valid:
+        groups = sorted(path.name for path in configs.iterdir() if path.is_dir())
+        return f"there is no {missing} in {configs}; its folders are {', '.join(groups)}"
+    near = difflib.get_close_matches(option, valid, n=1)
+    hint = f"; did you mean {near[0]}?" if near else ""
+    return f"{group}={option}: {group} must be one of {', '.join(valid)} (files of configs/{group}){hint}"
+
+
+def _unknown_key(key: str, configs: Path, name: str, check: Check) -> str:
+    """For a key that the recipe's config does not have: what `check` says of it, or how to add it."""
+    groups = [path.name for path in configs.iterdir() if path.is_dir()]
+    near = difflib.get_close_matches(key, groups, n=1, cutoff=0.75)
+    if near:
+        return f"the config of {name} has no {key}; did you mean {near[0]}=...?"
+    try:
+        with initialize_config_dir(str(configs), version_base="1.3"):
+            config = compose(f"recipe/{name}")
+        with open_dict(config):
+            OmegaConf.update(config, key, _given(key), force_add=True)
+        check(config)
+    except UserError as error:
+        return f"{error} (of the recipe {name})"
+    except (OmegaConfBaseException, TypeError) as error:  # the key goes through something that is no section
+        return f"the config of {name} has no {key}: {' '.join(str(error).split())}"
+    return f"{key} is valid, but not set in the configs of {name}: write +{key}=..."
+
+
+def _given(key: str) -> Any:
+    """The value of a key on the command line."""
+    texts = [text.split("=", 1)[1] for text in sys.argv[1:] if text.startswith(f"{key}=")]
+    return yaml.safe_load(texts[-1]) if texts else None

@@ -1,0 +1,121 @@
+"""What the values in a config may be, where their type alone does not say it: told before a recipe begins."""
+
+import importlib.util
+from collections.abc import Mapping
+from typing import Any
+
+import torch
+
+from tstar_rl.checks import MissingExtraError
+from tstar_rl.config.check import ConfigError
+from tstar_rl.demonstrations.file_check import KINDS
+from tstar_rl.rollouts.starts import check_shares
+
+__all__ = ["check_machine", "check_ranges_of"]
+
+LEAST = {
+    "seed": 0,
+    "nthread": 0,
+    "torch_threads": 1,
+    "processes": 1,
+    "collection.workers": 1,
+    "demonstrations.episodes": 1,
+    "demonstrations.num_envs": 1,
+    "training.num_envs": 1,
+    "training.horizon": 1,
+    "training.total_steps": 0,
+    "training.max_steps": 1,
+    "training.checkpoint_every": 1,
+    "chain.rounds": 0,
+    "chain.steps_per_turn": 1,
+    "chain.capacity": 1,
+    "chain.trial_episodes": 1,
+    "chain.trial_max_steps": 1,
+    "chain.whole_trial_every": 1,
+    "chain.whole_trial_episodes": 1,
+    "chain.logged_states": 0,
+    "evaluation.episodes": 1,
+    "evaluation.whole_episodes": 1,
+    "evaluation.recorded": 0,
+}
+"""Of each whole number, the least it may be. A recipe that has no such key is not asked for it."""
+CHOICES = {
+    "launch": ("local", "ray"),
+    "collection.backend": ("local", "ray"),
+    "demonstrations.kind": KINDS,
+    "physics": ("mujoco", "warp", None),
+}
+
+
+def check_ranges_of(values: Mapping[str, Any]) -> None:
+    """Checks the values of a config whose names and types are right.
+
+    Raises:
+        ConfigError: for the first that is out of its range; it names the key, what was got and what is valid.
+    """
+    for name, least in LEAST.items():
+        value = _find(values, name)
+        if value is not None and value < least:
+            raise ConfigError(f"{name} must be a whole number from {least}, got {value}")
+    for name, valid in CHOICES.items():
+        if (value := _find(values, name)) not in valid and _has(values, name):
+            said = ", ".join("null" if one is None else one for one in valid)
+            raise ConfigError(f"{name} must be one of {said}; got {value!r}")
+    for seed in values.get("seeds") or ():
+        if seed < 0:
+            raise ConfigError(f"seeds must be whole numbers from 0, got {seed}")
+    _check_task(values["task"]["name"], values["task"]["subtasks"], values)
+    if shares := _find(values, "chain.starts"):
+        check_shares(shares)
+
+
+def _check_task(task: str, subtasks: int, values: Mapping[str, Any]) -> None:
+    """The numbers that depend on how many subtasks the task has."""
+    if (subtask := values["subtask"]) is not None and not 0 <= subtask < subtasks:
+        valid = f"null (the whole task) or in 0..{subtasks - 1}"
+        raise ConfigError(f"subtask of {task} must be {valid}, got {subtask}")
+    if (links := _find(values, "chain.links")) is not None and not 2 <= links <= subtasks:
+        raise ConfigError(f"chain.links must be null or in 2..{subtasks} for {task}, got {links}")
+
+
+def check_machine(values: Mapping[str, Any]) -> None:
+    """Checks that this machine has what a config asks for: the GPU, its simulator, Ray.
+
+    Raises:
+        ConfigError: for a device that there is not.
+        MissingExtraError: for an optional dependency, with the command that installs it.
+    """
+    device = values["device"]
+    if device.split(":")[0] not in ("cpu", "cuda"):
+        raise ConfigError(f"device must be cpu or cuda, got {device!r}")
+    if device != "cpu" and not torch.cuda.is_available():
+        raise ConfigError(f"device={device}: torch finds no CUDA device on this machine; device=cpu works")
+    if device != "cpu" or values["physics"] == "warp":
+        _need("mujoco_warp", "gpu", "device=cuda and physics=warp need mujoco_warp")
+    if "ray" in (values["launch"], _find(values, "collection.backend")):
+        _need("ray", "ray", "launch=ray and collection.backend=ray need Ray")
+
+
+def _need(module: str, extra: str, why: str) -> None:
+    if importlib.util.find_spec(module) is None:
+        raise MissingExtraError(
+            f"{why}, which is not installed: python -m pip install -e '.[{extra}]' in a clone, "
+            f"or 'tstar_rl[{extra}]'"
+        )
+
+
+def _has(values: Mapping[str, Any], name: str) -> bool:
+    section, _, rest = name.partition(".")
+    if section not in values or not rest:
+        return section in values
+    return isinstance(values[section], Mapping) and _has(values[section], rest)
+
+
+def _find(values: Mapping[str, Any], name: str) -> Any:
+    """The value at a dotted name; None where there is none."""
+    if not _has(values, name):
+        return None
+    found: Any = values
+    for part in name.split("."):
+        found = found[part]
+    return found

@@ -1,0 +1,68 @@
+"""Files that are written at once: whoever is killed, or finds the disk full, leaves the old content or the new one."""
+
+import fcntl
+import io
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+__all__ = ["append_text", "named_in_errors", "replacing", "turn_to_write"]
+
+
+@contextmanager
+def named_in_errors(path: Path) -> Iterator[None]:
+    """Adds the path to an `OSError` that names no file, as one of a full disk while a file is written."""
+    try:
+        yield
+    except OSError as error:
+        if error.filename is None and error.errno is not None:
+            error.filename = str(path)
+        raise
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """Gives a path to write to: what is there when the block ends replaces `path`. If the block fails, nothing does."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_name(path.name + ".partial")
+    try:
+        with named_in_errors(path):
+            yield partial
+            os.replace(partial, path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def append_text(path: Path, text: str) -> None:
+    """Adds text to the end of a file; if not all of it can be written, the file stays as it was.
+
+    Raises:
+        OSError: if the disk is full or the folder read-only.
+    """
+    with named_in_errors(path), _open_at_end(path) as file:
+        size = file.tell()
+        try:
+            rest = memoryview(text.encode())
+            while rest:  # a disk that is nearly full takes the first part of a write
+                rest = rest[file.write(rest) :]
+        except BaseException:
+            file.truncate(size)
+            raise
+
+
+def _open_at_end(path: Path) -> io.FileIO:
+    return path.open("ab", buffering=0)
+
+
+@contextmanager
+def turn_to_write(folder: Path) -> Iterator[None]:
+    """Lets one process at a time through for a folder; the others wait. For a short read, change and write."""
+    folder.mkdir(parents=True, exist_ok=True)
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        with suppress(OSError):  # not on every network file system: the file is still replaced at once
+            fcntl.flock(handle, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(handle)
