@@ -42,7 +42,7 @@ def test_the_same_run_is_made_once():
     paper = ablation.read("lambda_3").variant("paper")
     buffer = ablation.read("starts").variant("buffer")
     assert paper.first() == buffer.first() == ablation.read("d_omega").variant("tstar")
-    assert ablation.read("d_omega").variant("no_bonus").first().overrides == ("reward.lambda_3=0.0",)
+    assert ablation.read("d_omega").variant("no_bonus").first().overrides == ("reward.weights.tsr=0.0",)
     constant = ablation.read("d_omega").variant("constant")
     assert constant.first() == constant and constant.source() == ablation.read("d_omega").variant("tstar")
     firsts = {variant.first() for variant in VARIANTS}

@@ -16,7 +16,7 @@ from tstar_envs.physics.view import PhysicsView
 from tstar_envs.robots import sawyer
 from tstar_envs.tasks.actions import CONNECT, GRIPPER, NUM_ACTIONS
 from tstar_envs.tasks.assembly import Assembly
-from tstar_envs.tasks.phase_reward import Scene
+from tstar_envs.tasks.scene_reader import Scene
 
 RATE = 6.0
 """Proportional gain, 1/s: at 10 Hz a step closes 60% of an error."""
