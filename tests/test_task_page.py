@@ -1,6 +1,7 @@
 """docs/task.md says what the code does: its tables are read and compared with the constants and settings."""
 
 import dataclasses
+import math
 import re
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from tstar_envs.experts import assembler
 from tstar_envs.furniture import library
 from tstar_envs.robots import sawyer
 from tstar_envs.settings import TaskSettings
-from tstar_envs.tasks import assembly, phase_reward
+from tstar_envs.tasks import assembly, measures, phase_reward, scene_reader
 
 PAGE = (Path(__file__).parents[1] / "docs" / "task.md").read_text()
 FLAT = " ".join(PAGE.split())
@@ -69,9 +70,9 @@ def test_the_observation_adds_up():
         (r"forward axes is above 0.99", connection.MIN_FORWARD_COSINE == 0.99),
         (r"at most 0.4 m/s and 1.4 rad/s", (assembler.MAX_SPEED, assembler.MAX_TURN) == (0.4, 1.4)),
         (r"within a cosine of 0.95", phase_reward.MIN_GRIP_COSINE == 0.95),
-        (r"5 cm above the grasp point", phase_reward.ABOVE == 0.05),
-        (r"1.5 cm below the grasp point", phase_reward.BELOW == 0.015),
-        (r"when the part is 1 cm above where it lay", phase_reward.OFF_GROUND == 0.01),
+        (r"5 cm above the grasp point", measures.ABOVE == 0.05),
+        (r"1.5 cm below the grasp point", measures.BELOW == 0.015),
+        (r"when the part is 1 cm above where it lay", scene_reader.OFF_GROUND == 0.01),
     ],
 )  # fmt: skip
 def test_a_figure_is_on_the_page_and_in_the_code(words, value):
@@ -84,6 +85,24 @@ def test_the_phases_and_their_bonuses():
     assert [cells[1].strip("`") for cells in table] == list(phase_reward.PHASES)
     bonuses = [float(cells[-1].replace(",", "")) for cells in table]
     assert bonuses == [phase_reward.BONUS * share for share in phase_reward.BONUS_SHARES]
+
+
+@pytest.mark.parametrize("phase", phase_reward.PHASES)
+def test_the_numbers_of_a_phase(phase):
+    found = {row[1].strip("`"): row for row in rows("The phases")}
+    _, _, potential, condition, _ = found["lower_eef" if phase == "grasp_leg" else phase]
+    summands = phase_reward.POTENTIALS[phase]
+    terms = [term for _, *some in summands for term in some]
+    written = {abs(number) for number in numbers(potential)}
+    assert {abs(coefficient) for coefficient, *_ in summands} <= written
+    assert {term.rate for term in terms if term.rate} <= written
+    assert {term.most for term in terms if math.isfinite(term.most)} <= written
+    bounds = [bound for bound in phase_reward.CONDITIONS[phase] if not isinstance(bound, str)]
+    limits = {limit for _, *both in bounds for limit in both if math.isfinite(limit) and limit}
+    limits -= {phase_reward.MIN_GRIP_COSINE}  # "down" and "gripping" on the page
+    if phase != "grasp_leg":
+        known = {number for found in numbers(condition) for number in (found, found / 100)}  # cm
+        assert all(any(math.isclose(limit, number) for number in known) for limit in limits)
 
 
 def test_settings_that_the_page_names_exist():
