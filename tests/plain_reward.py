@@ -1,6 +1,6 @@
 """The reward as its definition reads, one phase after another: what the tables of `tasks.phase_reward` must equal.
 
-Slower and longer than the tables, and easier to check against environment.md, "Dense reward of one subtask".
+Slower and longer than the tables, and easier to check against docs/task.md, "Dense reward of one subtask".
 """
 
 from __future__ import annotations
