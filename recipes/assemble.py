@@ -33,8 +33,13 @@ def main(config: DictConfig) -> None:
     def at_once(lanes: list[list[Step]]) -> None:
         run_side_by_side(lanes, shared, config.processes, run)
 
-    at_once([[("make_demonstrations", one, kinds, f"seed={seeds[0]}")] for one in subtasks])
-    at_once([[("gail_ppo", one, f"seed={seed}")] for seed in seeds for one in subtasks])
+    at_once(
+        [
+            [("make_demonstrations", one, kinds, f"seed={seed}"), ("gail_ppo", one, f"seed={seed}")]
+            for seed in seeds
+            for one in subtasks
+        ]
+    )
     at_once([lane for seed in seeds for lane in _chains(f"seed={seed}")])
     lanes = []
     for seed in seeds:

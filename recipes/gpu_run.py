@@ -90,7 +90,7 @@ def _ends(place: DictConfig, step: Step) -> tuple[Path, Path]:
 def _kept(place: DictConfig, step: Step) -> tuple[Path | None, dict[Path, int]]:
     """What a step that is stopped now leaves behind: its newest checkpoint, and the files that it has completed."""
     trained, table = _ends(place, step)
-    files = [trained, table, *(Path(place.demonstrations_dir) / place.task.name).glob("*.npz")]
+    files = [trained, table, *(Path(place.demonstrations_dir) / place.task.name).glob("*/*.npz")]
     written = {file: file.stat().st_mtime_ns for file in files if file.is_file()}
     return checkpoint.latest(trained.parent / "checkpoints"), written
 

@@ -15,15 +15,16 @@ from typing import Any
 import torch
 from omegaconf import DictConfig
 from tensordict import TensorDictBase
+from torchrl.envs import ExplorationType, set_exploration_type
 
 from tstar_rl.analysis.result_plots import hand_over_matrix
 from tstar_rl.chaining.chain import load_chain
 from tstar_rl.chaining.skill import Skill
-from tstar_rl.chaining.trials import try_out
 from tstar_rl.config.build import environment
 from tstar_rl.config.chain import load_skills
 from tstar_rl.config.load import recipe
 from tstar_rl.intervals import wilson_interval
+from tstar_rl.rollouts.episodes import run_episodes
 from tstar_rl.rollouts.state_sets import TerminationSet
 from tstar_rl.runs.csv_tables import append_rows
 from tstar_rl.runs.run_folder import run_path
@@ -79,7 +80,10 @@ def _try(
     env = environment(
         config, index, config.evaluation.episodes, seed, before, snapshots=True, shares={"buffer": 1.0}
     )
-    return try_out(skill, env)
+    with set_exploration_type(ExplorationType.DETERMINISTIC):
+        last = run_episodes(env, skill.policy)
+    env.close()
+    return float(last["next", "success"].double().mean()), last
 
 
 def _share(name: str, share: float, episodes: int) -> dict[str, float]:

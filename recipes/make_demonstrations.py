@@ -28,7 +28,8 @@ def main(config: DictConfig) -> None:
             if path.is_file() and config.resume:
                 continue
             part = config.task.subtasks if subtask is None else subtask
-            seed = derive_seed(config.seed, "demonstrate", part, KINDS.index(kind))
+            own = config.seed if config.demonstrations.seed is None else config.demonstrations.seed
+            seed = derive_seed(own, "demonstrate", part, KINDS.index(kind))
             with tqdm(desc=path.stem, unit=" steps", disable=not config.progress_bar) as bar:
                 found = collect(
                     partial(environment, config, subtask, number, snapshots=True),

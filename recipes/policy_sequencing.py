@@ -26,7 +26,7 @@ def main(config: DictConfig) -> None:
         reward = weighted(settings(RewardMixture, config.reward), terms)
 
         for rollout in turn.rollouts():
-            turn.skill.termination_set.extend_from(rollout)
+            turn.skill.termination_set.extend_from(turn.chained(rollout))
             log = update_f_phi(expert=turn.expert.observations, agent=rollout["observation"])
             log |= update_policy(reward(rollout), turn.progress)
             turn.log(rollout, log)

@@ -19,21 +19,22 @@ def main(config: DictConfig) -> None:
         update_policy = turn.policy_update()
         update_f_phi = turn.discriminator_update("f_phi", skill, f_phi, expert=1.0, agent=-1.0)
         terms = {"gail": GAILReward(skill.f_phi)}
-        if following:
+        if turn.seam:
             update_d_omega = turn.discriminator_update(
-                "d_omega", following, d_omega, initiation=1.0, termination=0.0
+                "d_omega", turn.seam.after, d_omega, initiation=1.0, termination=0.0
             )
+        if following:
             terms["tsr"] = TerminalStateReward(following.d_omega, **config.terminal_reward)
         reward = weighted(settings(RewardMixture, config.reward), terms)
 
         for rollout in turn.rollouts():
             skill.initiation_set.extend_from(rollout)  # I_i and beta_i grow
-            skill.termination_set.extend_from(rollout)
+            skill.termination_set.extend_from(turn.chained(rollout))
             log = update_f_phi(expert=turn.expert.observations, agent=rollout["observation"])
-            if following:
+            if turn.seam:
                 log |= update_d_omega(
-                    initiation=following.initiation_set.observations(),
-                    termination=skill.termination_set.observations(),
+                    initiation=turn.seam.after.initiation_set.observations(),
+                    termination=turn.seam.before.termination_set.observations(),
                 )
             log |= update_policy(reward(rollout), turn.progress)
             turn.log(rollout, log)

@@ -26,7 +26,7 @@ SMALL = [
     "chain.steps_per_turn=1024",
     "chain.rounds=1",
     "chain.trial_episodes=64",
-    "chain.whole_trial_episodes=64",
+    "chain.seed_episodes=64",
     "chain.ppo.critic_warmup=0",
     "ppo.rate_warmup=0",
     "ppo.learning_rate=1.0e-3",
@@ -79,6 +79,26 @@ class PointChain(EnvBase):
         self.reward_spec = Composite(reward_env=Unbounded((n, 1)), shape=[n])
         self.done_spec = Composite(flags, shape=[n])
 
+    def snapshot(self) -> TensorDict:
+        """What decides the future of each point."""
+        task = TensorDict({"subtask": self.now.clone()}, self.batch_size)
+        return TensorDict({"physics": self.physics.clone(), "task": task}, self.batch_size)
+
+    def state_dict(self, *args, **kwargs) -> dict:
+        """Generator and points."""
+        return {
+            "generator": self.generator.get_state(),
+            "points": self.snapshot(),
+            "counts": torch.stack([self.steps, self.completed], -1),
+        }
+
+    def load_state_dict(self, state: dict, *args, **kwargs) -> None:
+        self.generator.set_state(state["generator"])
+        self.physics.copy_(state["points"]["physics"])
+        self.now.copy_(state["points"]["task", "subtask"])
+        for number, mine in enumerate((self.steps, self.completed)):
+            mine.copy_(state["counts"][:, number])
+
     def _set_seed(self, seed: int | None) -> None:
         self.generator.manual_seed(seed or 0)
 
@@ -113,9 +133,11 @@ class PointChain(EnvBase):
 
     def _step(self, tensordict: TensorDict) -> TensorDict:
         action = tensordict["action"].clamp(-1, 1).double()
-        self.physics[:, 0] += 0.5 * action[:, 0]
-        self.physics[:, 1] += 0.3 * action[:, 1]
-        self.steps += 1
+        running = tensordict.get("_step", None)
+        running = torch.ones_like(self.now) if running is None else running.reshape(-1).long()
+        self.physics[:, 0] += running * 0.5 * action[:, 0]
+        self.physics[:, 1] += running * 0.3 * action[:, 1]
+        self.steps += running
         arrived = self.physics[:, 0] > self.now + 1
         made = arrived & ((self.physics[:, 1] > 0) | (self.now == 0))
         lost = (arrived & ~made) | (self.physics[:, 0] < self.now - 1)
@@ -138,8 +160,7 @@ class PointChain(EnvBase):
         out["truncated"] = (truncated & ~terminated).unsqueeze(-1)
         out["done"] = out["terminated"] | out["truncated"]
         if self.snapshots:
-            task = TensorDict({"subtask": self.now.clone()}, [n])
-            out["snapshot"] = TensorDict({"physics": self.physics.clone(), "task": task}, [n])
+            out["snapshot"] = self.snapshot()
         return out
 
 

@@ -18,7 +18,7 @@ def place(y: float, x: float) -> torch.Tensor:
 
 def test_d_omega_says_from_where_the_next_skill_succeeds(point_chain, tmp_path):
     """Skill 1 succeeds from y > 0 only, so that its initiation set lies there and skill 0 ends on both sides."""
-    point_chain("tstar", "chain.gate=null", "chain.links=2", "chain.steps_per_turn=4096")
+    point_chain("tstar", "chain.gate=false", "chain.links=2", "chain.steps_per_turn=4096")
     skills = load_chain(tmp_path / "runs/table_lack/tstar/seed0/last")
     above, below = (float(skills[1].d_omega(place(y, 1.2)).detach()) for y in (0.5, -0.5))
     assert above > below + 0.15, (above, below)
@@ -44,7 +44,7 @@ def test_a_success_is_paid_what_the_next_skill_says_of_the_state_that_was_reache
         log(turn, rollout, row)
 
     monkeypatch.setattr(Turn, "log", check)
-    table = point_chain("tstar", "chain.gate=null")
+    table = point_chain("tstar", "chain.gate=false")
     assert {index for index, _ in paid} == set(range(NUM_SKILLS - 1))  # the last skill has no next
     assert all(mean > 0 for _, mean in paid)
     assert table[table.skill == NUM_SKILLS - 1].d_omega_initiation_score.isna().all()
@@ -54,7 +54,9 @@ def test_t_star_makes_the_first_skill_end_where_the_second_can_start(point_chain
     """Skill 0 succeeds at any y. Paid by d_omega it moves to y > 0 first; without it nothing tells it to."""
     moved = {}
     for recipe in ("tstar", "policy_sequencing"):
-        point_chain(recipe, "chain.gate=null", "chain.links=2", "chain.rounds=2", "chain.steps_per_turn=4096")
+        point_chain(
+            recipe, "chain.gate=false", "chain.links=2", "chain.rounds=2", "chain.steps_per_turn=4096"
+        )
         skill = load_chain(tmp_path / f"runs/table_lack/{recipe}/seed0/last")[0]
         states = torch.cat([place(y, 0.5) for y in torch.linspace(-1, 1, 21).tolist()])
         with torch.no_grad():
@@ -75,7 +77,7 @@ def test_episodes_begin_where_the_skill_before_ended(recipe, point_chain, monkey
         log(turn, rollout, row)
 
     monkeypatch.setattr(Turn, "log", note)
-    point_chain(recipe, "chain.gate=null")
+    point_chain(recipe, "chain.gate=false")
     for index in range(NUM_SKILLS):
         starts = torch.cat(seen[index])
         assert starts.min() > -0.6 and starts.max() < 1.0

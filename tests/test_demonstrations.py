@@ -50,7 +50,7 @@ def test_they_come_back(demonstrations, path):
 
 
 def test_those_of_another_world_are_refused_unless_they_may_differ(demonstrations, tmp_path):
-    place = tmp_path / "table_lack" / "subtask2_noisy.npz"
+    place = tmp_path / "table_lack" / "seed0" / "subtask2_noisy.npz"
     config = {"task": {"name": "table_lack"}, "demonstrations_dir": str(tmp_path), "device": "cpu"}
     config |= {
         "demonstrations": {"kind": "noisy", "may_differ": []},

@@ -53,7 +53,7 @@ def test_a_step_that_gets_nowhere_in_a_whole_call_is_an_error(leaves, tmp_path, 
         first = step[0] == "make_demonstrations"
         if first and leaves != "demonstrations":
             return  # they are there
-        place = tmp_path / "table_lack" if first else runs / "gail_ppo" / "seed0" / "subtask0"
+        place = tmp_path / "table_lack" / "seed0" if first else runs / "gail_ppo" / "seed0" / "subtask0"
         place.mkdir(parents=True, exist_ok=True)
         if leaves == "a log":
             (place / "timing.csv").write_text("env_steps")

@@ -7,10 +7,8 @@ import pandas as pd
 import pytest
 import torch
 import yaml
-from tensordict import TensorDict
 
 from tstar_rl.analysis.plotting import evaluation_table, learning_curves, read_evaluations, read_metrics
-from tstar_rl.chaining.chain import terminal_poses
 from tstar_rl.runs import run_folder
 from tstar_rl.runs.csv_tables import MetricsLog, append_rows
 from tstar_rl.runs.run import Run
@@ -140,13 +138,6 @@ def test_terminal_states_and_the_best_so_far_are_resumed(tmp_path):
     assert not again.improved
     table = pd.read_csv(tmp_path / "results" / "table" / "chain" / "seed0" / "terminal_states.csv")
     assert table.to_dict("records") == [{"env_steps": 5, "skill": 2, "pose_0": 0.12346, "pose_1": 1.0}]
-
-
-def test_terminal_poses_are_those_of_successes():
-    observation = torch.arange(4.0).reshape(2, 2, 1).expand(2, 2, 72)  # two simulations, two steps
-    success = torch.tensor([[[False], [True]], [[True], [True]]])
-    rollout = TensorDict({"next": {"observation": observation, "success": success}}, [2, 2])
-    assert terminal_poses(rollout, 2).tolist() == [[1.0] * 35, [2.0] * 35]
 
 
 def test_seeds_of_different_purposes_differ():

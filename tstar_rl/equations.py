@@ -110,13 +110,13 @@ def gaussian_kl(loc: Tensor, scale: Tensor, other_loc: Tensor, other_scale: Tens
 
 
 def latent_reconstruction_loss(decoded: Tensor, actions: Tensor) -> Tensor:
-    """Minus the log likelihood of the actions under unit Gaussians around the decoded ones, less its constant.
+    """Minus the log likelihood of the actions under unit Gaussians around the decoded actions, without its constant.
 
     Args:
         decoded: (..., H, A), actions: (..., H, A).
 
     Returns:
-        A scalar, the mean over all of them, as in the code released with SPiRL: its beta is relative to that.
+        A scalar, the mean over all elements. The code released with SPiRL also takes the mean, so its beta fits.
 
     Source: SPiRL, eq. 1, first term.
     """
@@ -139,7 +139,7 @@ def latent_regularisation_loss(loc: Tensor, scale: Tensor, beta: float) -> Tenso
 
 
 def latent_prior_loss(loc: Tensor, scale: Tensor, prior_loc: Tensor, prior_scale: Tensor) -> Tensor:
-    """KL(stop(q(z | a)) || p(z | s)): the prior follows the posterior, and the posterior does not mind.
+    """KL(stop(q(z | a)) || p(z | s)): the prior is trained towards the posterior, which gets no gradient.
 
     Args:
         loc: (..., Z), scale: (..., Z), of the posterior q; no gradient reaches them.

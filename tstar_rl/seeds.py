@@ -12,6 +12,7 @@ PURPOSES = (
     "demonstrate",
     "networks",
     "updates",
+    "chain",
 )
 
 

@@ -1,5 +1,8 @@
 """Latents drawn from a prior, played and drawn."""
 
+import subprocess
+import sys
+
 import torch
 from spirl_agent import make_agent
 from torch.testing import assert_close
@@ -41,3 +44,8 @@ def test_latents_are_played_from_the_demonstrated_state_and_drawn(tmp_path):
     last = paths[paths.step == 4].set_index("latent")[["x", "y", "z"]]
     assert (last.loc[0] - last.loc[1]).abs().max() > 1e-5, "two draws do two things"
     assert draw_latents(paths, tmp_path / "latents.png").stat().st_size > 1000
+
+
+def test_the_room_and_its_figures_leave_pyplot_and_its_backend_alone():
+    code = "import sys, tstar_rl.spirl.figures; sys.exit('matplotlib.pyplot' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

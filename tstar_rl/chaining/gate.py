@@ -1,98 +1,91 @@
-"""The gate at the end of a turn: a skill that got worse is put back."""
+"""The gate at the end of a turn: what the turn changed is put back if the chain got worse."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal
 
-from torchrl.envs import TransformedEnv
-
-from tstar_rl.chaining.skill import Skill
-from tstar_rl.chaining.trials import hand_over, try_out
+from tstar_rl.chaining.trials import Trial
 
 __all__ = ["Gate", "GateSettings", "Judgement"]
 
 
 @dataclass(frozen=True)
 class GateSettings:
-    """What is compared at the end of a turn, and when."""
+    """Whether and when the chain is tried."""
 
-    on: Literal["skill", "chain"] | None
-    """What must not get worse: the skill's own success, or the progress of the whole chain. None: there is no gate."""
+    rejects: bool
+    """Whether a turn that made the chain worse is put back; False (the paper): no turn is."""
     margin: float
-    """Loss that is accepted, in share of episodes or of progress."""
-    whole_trial_every: int
-    """Turns between trials of the whole chain that no gate asks for."""
+    """Loss of progress that is accepted."""
+    trial_every: int
+    """Turns between trials of the chain, where no gate asks for one after each."""
 
 
 @dataclass(frozen=True)
 class Judgement:
-    """What a turn's end has found; what was not measured is None."""
+    """What the end of a turn has found; what was not measured is None."""
 
-    success_before: float | None = None
-    success_after: float | None = None
+    before: Trial | None = None
+    """Of the chain as it stood before the turn."""
+    after: Trial | None = None
+    """Of the chain as trained."""
     accepted: bool | None = None
-    progress: float | None = None
-    """Of the chain that goes on."""
+    steps: int = 0
+    """Environment steps that were spent on trials."""
 
-    def row(self) -> dict[str, float]:
-        """The columns of the log."""
-        columns = {
-            "trial_before": self.success_before,
-            "trial_after": self.success_after,
-            "accepted": None if self.accepted is None else int(self.accepted),
-            "trial_progress": self.progress,
-        }
-        return {name: value for name, value in columns.items() if value is not None}
+    @property
+    def kept(self) -> Trial | None:
+        """The trial of the chain that goes on."""
+        return self.before if self.accepted is False else self.after
+
+    def row(self, skill: int) -> dict[str, float]:
+        """The columns of the log after a turn of `skill`; its success is that from where the skill before ends."""
+        columns: dict[str, float] = {}
+        if self.accepted is not None and self.before is not None and self.after is not None:
+            columns["trial_before"] = self.before.skills[skill].success
+            columns["trial_after"] = self.after.skills[skill].success
+            columns["accepted"] = int(self.accepted)
+        if self.kept is not None:
+            columns["trial_progress"] = self.kept.progress
+        return columns | {"trial_steps": self.steps}
 
 
 class Gate:
-    """Judges a skill after its turn, and puts it back to what it was if it got worse.
+    """Tries the chain after a turn, always from the same starts, and puts the turn back if the chain got worse.
 
-    A trial of the chain after one turn is that before the next, and is not run twice. One that is not in memory, as
-    after a run was killed, is run again with the same result.
+    The trial of the chain that goes on is the one before the next turn, and is not run twice. One that is not in
+    memory, as at first and after a run was killed, is run with the chain as it was before the turn.
 
     Args:
         settings: see `GateSettings`.
-        chain_progress: of the chain as it stands, from the same starts whenever it is asked.
+        run_trial: of the chain as it stands, always from the same starts.
     """
 
-    def __init__(self, settings: GateSettings, chain_progress: Callable[[], float]) -> None:
-        self.settings, self.chain_progress = settings, chain_progress
-        self._progress: float | None = None
+    def __init__(self, settings: GateSettings, run_trial: Callable[[], Trial]) -> None:
+        self.settings, self.run_trial = settings, run_trial
+        self._known: Trial | None = None
 
-    def judge(
-        self, skill: Skill, before: dict[str, Any], make_trial: Callable[[], TransformedEnv], turn: int
-    ) -> Judgement:
-        """Judges `skill` after turn number `turn`; the skill that goes on hands over what it reached.
+    def judge(self, turn: int, undo: Callable[[], None], redo: Callable[[], None]) -> Judgement:
+        """Judges turn number `turn`.
 
         Args:
-            skill: as trained.
-            before: its `network_state` before the turn.
-            make_trial: makes the environment of the skill's trial, each time with the same starts.
             turn: number of the turn.
+            undo: puts back everything that the turn changed.
+            redo: makes it as trained again, after `undo`.
         """
-        found = Judgement() if self.settings.on is None else self._compare(skill, before, make_trial)
-        progress = found.progress
-        if progress is None and (turn + 1) % self.settings.whole_trial_every == 0:
-            progress = self.chain_progress()
-        self._progress = progress
-        return Judgement(found.success_before, found.success_after, found.accepted, progress)
-
-    def _compare(
-        self, skill: Skill, before: dict[str, Any], make_trial: Callable[[], TransformedEnv]
-    ) -> Judgement:
-        whole = self.settings.on == "chain"
-        success_after, last_after = try_out(skill, make_trial())
-        after = self.chain_progress() if whole else success_after
-        trained = skill.network_state()
-        skill.load_network_state(before)
-        success_before, last_before = try_out(skill, make_trial())
-        was = success_before
-        if whole:
-            was = self.chain_progress() if self._progress is None else self._progress
-        accepted = after >= was - self.settings.margin
-        if accepted:
-            skill.load_network_state(trained)
-        hand_over(skill, last_after if accepted else last_before)
-        kept = (after if accepted else was) if whole else None
-        return Judgement(success_before, success_after, accepted, kept)
+        if not self.settings.rejects:
+            due = (turn + 1) % self.settings.trial_every == 0
+            after = self.run_trial() if due else None
+            return Judgement(after=after, steps=after.steps if after else 0)
+        after, before = self.run_trial(), self._known
+        if before is None:
+            undo()
+            before = self.run_trial()
+            redo()
+        steps = after.steps + (
+            before.steps if turn == 0 else 0
+        )  # one that a resumed run repeats does not count
+        accepted = after.progress >= before.progress - self.settings.margin
+        if not accepted:
+            undo()
+        self._known = after if accepted else before
+        return Judgement(before, after, accepted, steps)

@@ -121,10 +121,10 @@ class SkillTraining(Training):
     """The training of one skill from nothing, or from a warm start.
 
     Args:
+        *training: the arguments of `Training`.
         warm_start: clones the demonstrations first; None: no warm start.
         checkpoint_every: environment steps between checkpoints.
-        save_best: called when the policy is the best so far, and
-        save_last: at the end.
+        save: writes the skill as "best" or "last", at a number of steps.
     """
 
     def __init__(

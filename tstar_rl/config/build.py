@@ -107,7 +107,7 @@ def new_spirl_agent(config: DictConfig, subtask: int | None) -> SpirlAgent:
 
 
 def demonstrations_path(config: DictConfig, subtask: int | None, kind: str) -> Path:
-    """<demonstrations_dir>/<task>/<subtask<i>|whole>_<kind>.npz.
+    """<demonstrations_dir>/<task>/seed<k>/<subtask<i>|whole>_<kind>.npz; k is demonstrations.seed, or the run's seed.
 
     Raises:
         ValueError: if `kind` is not one of `KINDS`.
@@ -115,7 +115,8 @@ def demonstrations_path(config: DictConfig, subtask: int | None, kind: str) -> P
     if kind not in KINDS:
         raise ValueError(f"kind of demonstrations must be one of {', '.join(KINDS)}; got {kind!r}")
     part = "whole" if subtask is None else f"subtask{subtask}"
-    return Path(config.demonstrations_dir) / config.task.name / f"{part}_{kind}.npz"
+    seed = config.seed if config.demonstrations.seed is None else config.demonstrations.seed
+    return Path(config.demonstrations_dir) / config.task.name / f"seed{seed}" / f"{part}_{kind}.npz"
 
 
 def load_demonstrations(config: DictConfig, subtask: int | None) -> Demonstrations:

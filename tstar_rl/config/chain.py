@@ -1,14 +1,16 @@
 """From a checked config to the turns of a chain."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 from omegaconf import DictConfig
 from torchrl.envs import TransformedEnv
 
 from tstar_rl.chaining import turns
-from tstar_rl.chaining.gate import GateSettings
+from tstar_rl.chaining.chain_training import ChainSettings, ChainTraining
+from tstar_rl.chaining.gate import Gate, GateSettings
 from tstar_rl.chaining.skill import Skill
-from tstar_rl.chaining.turns import ChainSettings, Turn
+from tstar_rl.chaining.trials import run_trial
+from tstar_rl.chaining.turns import Turn
 from tstar_rl.config.build import environment, load_demonstrations, make_collection, training_settings
 from tstar_rl.config.load import plain
 from tstar_rl.rollouts.collection import Collection
@@ -25,57 +27,56 @@ def chain_turns(config: DictConfig) -> Iterator[Turn]:
     """The turns of config.chain, from the skills of the system config.skills; see `chaining.turns`."""
     skills = load_skills(config, checkpoint=config.from_checkpoint)
     experts = [load_demonstrations(config, index) for index in range(len(skills))]
-    chain, frames = config.chain, config.training.num_envs * config.training.horizon
-    settings = ChainSettings(
-        rounds=chain.rounds,
-        rollouts=max(chain.steps_per_turn // frames, 1),
-        frames=frames,
-        logged_skill=chain.logged_skill,
-        logged_states=chain.logged_states,
+    values, frames = config.chain, config.training.num_envs * config.training.horizon
+    same = (
+        "rounds",
+        "seed_episodes",
+        "kept_states",
+        "d_omega_of",
+        "carry_over",
+        "logged_skill",
+        "logged_states",
     )
-    total = settings.rounds * len(skills) * settings.rollouts * frames
-    run = Run(plain(config), None, total, trials=True)
-    gate = GateSettings(chain.gate, chain.gate_margin, chain.whole_trial_every)
-    training = training_settings(config, **chain.ppo)
-    return turns.chain_turns(
-        skills, experts, run, settings, training, gate, _Workshop(config), recipe=config.system
+    rollouts = max(values.steps_per_turn // frames, 1)
+    run = Run(plain(config), None, values.rounds * len(skills) * rollouts * frames, trials=True)
+    workshop = _Workshop(config)
+    chain = ChainTraining(
+        skills=skills,
+        experts=experts,
+        run=run,
+        settings=ChainSettings(rollouts=rollouts, **{name: values[name] for name in same}),
+        training=training_settings(config, **values.ppo),
+        workshop=workshop,
+        gate=Gate(
+            GateSettings(values.gate, values.gate_margin, values.trial_every),
+            lambda: run_trial(skills, workshop.trial()),
+        ),
     )
+    return turns.chain_turns(chain, recipe=config.system)
 
 
 class _Workshop:
-    """`chaining.turns.Workshop` of a config."""
+    """`chaining.chain_training.Workshop` of a config. No evaluation has the seeds of its trials."""
 
     def __init__(self, config: DictConfig) -> None:
         self.config = config
 
     def turn_seed(self, turn: int) -> int:
-        return derive_seed(self.config.seed, "train", turn)
+        return derive_seed(self.config.seed, "chain", turn)
 
     def collection(
         self, skill: Skill, seed: int, before: TerminationSet | None
     ) -> Collection | RayCollection:
         return make_collection(self.config, skill.policy, skill.subtask, seed, before, snapshots=True)
 
-    def skill_trial(self, skills: Sequence[Skill], trial: int, index: int) -> TransformedEnv:
-        """From where the chain before ends, and a share of the skill's own starts; no evaluation has its seeds."""
-        chain, own = self.config.chain, self.config.chain.trial_environment_share
-        return environment(
-            self.config,
-            index,
-            chain.trial_episodes,
-            derive_seed(self.config.seed, "validate", trial, index),
-            skills[index - 1].termination_set if index else None,
-            snapshots=True,
-            shares={"environment": own, "buffer": 1.0 - own},
-            max_steps=chain.trial_max_steps,
-        )
+    def seeding_trial(self) -> TransformedEnv:
+        return self._whole(self.config.chain.seed_episodes, derive_seed(self.config.seed, "harvest"))
 
-    def chain_trial(self) -> TransformedEnv:
-        """The whole task, always from the same starts; no evaluation and no other trial has their seed."""
-        chain, seed = self.config.chain, derive_seed(self.config.seed, "validate", None, None)
-        return environment(
-            self.config, None, chain.whole_trial_episodes, seed, max_steps=chain.trial_max_steps
-        )
+    def trial(self) -> TransformedEnv:
+        return self._whole(self.config.chain.trial_episodes, derive_seed(self.config.seed, "validate"))
+
+    def _whole(self, episodes: int, seed: int) -> TransformedEnv:
+        return environment(self.config, None, episodes, seed, max_steps=self.config.chain.trial_max_steps)
 
 
 def chain_length(config: DictConfig) -> int:

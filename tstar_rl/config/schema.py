@@ -34,6 +34,7 @@ class DemonstrationsSection:
 
     episodes: int
     kind: str
+    seed: int | None
     noise: float
     num_envs: int
     may_differ: tuple[str, ...]
@@ -74,16 +75,18 @@ class ChainSection:
     rounds: int
     steps_per_turn: int
     starts: dict[str, float]
-    trial_environment_share: float
     capacity: int
+    seed_episodes: int
+    kept_states: Literal["all", "chained"]
+    d_omega_of: Literal["next", "own"]
+    carry_over: bool
     trial_episodes: int
     trial_max_steps: int
-    whole_trial_every: int
-    whole_trial_episodes: int
+    trial_every: int
     logged_skill: int
     logged_states: int
     ppo: PPOSettings
-    gate: Literal["skill", "chain"] | None
+    gate: bool
     gate_margin: float
 
 

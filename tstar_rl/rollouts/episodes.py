@@ -23,6 +23,7 @@ def run_episodes(
     env: TransformedEnv,
     policy: Callable,
     each_step: Callable[[TensorDictBase], None] | None = None,
+    enough: int | None = None,
 ) -> TensorDictBase:
     """One whole episode of every simulation, from a reset. A simulation whose episode has ended is not stepped.
 
@@ -30,6 +31,7 @@ def run_episodes(
         env: from `with_starts`.
         policy: reads and writes TensorDicts; how it samples is the caller's affair.
         each_step: called with every step's TensorDict, batch [N]. A row is of use until its first "done".
+        enough: subtasks after which an episode counts as ended too; None: the environment alone ends it.
 
     Returns:
         The last step of each episode, batch [N], in the order of the simulations.
@@ -44,7 +46,10 @@ def run_episodes(
         tensordict = env.step(tensordict)
         if each_step is not None:
             each_step(tensordict)
-        ended = running & tensordict["next", "done"].squeeze(-1)
+        ended = tensordict["next", "done"].squeeze(-1)
+        if enough is not None:
+            ended = ended | (tensordict["next", "completed"].squeeze(-1) >= enough)
+        ended = running & ended
         if last is None:
             last = tensordict.clone()
         elif ended.any():

@@ -1,10 +1,11 @@
 """Starts episodes where the skill before has ended."""
 
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 import torch
 from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
+from torchrl.data import Binary, Composite, TensorSpec
 from torchrl.envs import Transform
 
 
@@ -20,7 +21,8 @@ class SkillChainReset(Transform):
     """At a reset, puts a share of the simulations into states drawn from `starts`.
 
     The environment finds them at ("start", "snapshot") with ("start", "use") (*batch, 1), in what its `_reset`
-    is given; where `use` is False, and while `starts` is empty, it draws s_0 itself.
+    is given; where `use` is False, and while `starts` is empty, it draws s_0 itself. Every row of an episode says which
+    it was: "start_chained" (*batch, 1) bool.
 
     Args:
         starts: read by handle, at every reset, so it may grow meanwhile.
@@ -36,11 +38,12 @@ class SkillChainReset(Transform):
     def __init__(self, starts: Starts, probability: float = 0.8, seed: int = 0) -> None:
         if not 0.0 <= probability <= 1.0:
             raise ValueError(f"probability must be in [0, 1], got {probability}")
-        super().__init__(in_keys=[], out_keys=[])
+        super().__init__(in_keys=[], out_keys=["start_chained"])
         self.starts = starts
         self.probability = probability
         self.generator = torch.Generator().manual_seed(seed)
         self.draws = {"environment": 0, "chained": 0}
+        self._chained = torch.zeros(0, 1, dtype=torch.bool)
 
     def _reset_env_preprocess(self, tensordict: TensorDictBase | None) -> TensorDictBase:
         if tensordict is None:
@@ -50,9 +53,26 @@ class SkillChainReset(Transform):
         batch = tensordict.batch_size
         rows = torch.ones(batch.numel(), dtype=torch.bool) if reset is None else reset.reshape(-1).cpu()
         start = self._draw(rows)
+        self._chained = torch.zeros(*batch, 1, dtype=torch.bool)
         if start is not None:
             tensordict.set("start", start.reshape(batch).to(tensordict.device))
+            self._chained = start["use"].reshape(*batch, 1)
         return tensordict
+
+    def _reset(self, tensordict: TensorDictBase, tensordict_reset: TensorDictBase) -> TensorDictBase:
+        # Rows that are not being reset get back their own entry from TorchRL afterwards.
+        return tensordict_reset.set("start_chained", self._chained.to(tensordict_reset.device))
+
+    def _step(self, tensordict: TensorDictBase, next_tensordict: TensorDictBase) -> TensorDictBase:
+        return next_tensordict.set("start_chained", tensordict.get("start_chained").clone())
+
+    def transform_observation_spec(self, observation_spec: TensorSpec) -> TensorSpec:
+        """Adds "start_chained"."""
+        observation_spec = cast(Composite, observation_spec)
+        shape = torch.Size((*observation_spec.shape, 1))
+        flag = Binary(1, shape, dtype=torch.bool, device=observation_spec.device)
+        observation_spec["start_chained"] = flag
+        return observation_spec
 
     def _draw(self, rows: Tensor) -> TensorDictBase | None:
         """rows: (n,) bool, those being reset -> {"snapshot", "use"} of batch size [n], or None if none is chained."""

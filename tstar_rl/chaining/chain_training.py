@@ -1,0 +1,146 @@
+"""What all turns of a chain share: its skills, its environments, and what goes on from one turn to the next."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal, Protocol
+
+from tensordict import TensorDict
+from torchrl.envs import TransformedEnv
+
+from tstar_rl.chaining.gate import Gate
+from tstar_rl.chaining.skill import Skill
+from tstar_rl.chaining.training import TrainingSettings
+from tstar_rl.chaining.trials import Trial
+from tstar_rl.demonstrations.data_set import Demonstrations
+from tstar_rl.rollouts.collection import Collection
+from tstar_rl.rollouts.ray_collection import RayCollection
+from tstar_rl.rollouts.state_sets import TerminationSet
+from tstar_rl.runs.run import Run
+
+__all__ = ["ChainSettings", "ChainTraining", "Workshop"]
+
+
+@dataclass(frozen=True)
+class ChainSettings:
+    """How a chain is fine-tuned. docs/notation.md says which values are the paper's."""
+
+    rounds: int
+    """Times that every skill has its turn."""
+    rollouts: int
+    """In one turn."""
+    seed_episodes: int
+    """Of the chain as it is, before the first turn, whose states fill the sets; 0: the sets begin empty."""
+    kept_states: Literal["all", "chained"]
+    """Which terminal states join beta_i; see `Turn.chained`."""
+    d_omega_of: Literal["next", "own"]
+    """Whose d_omega a turn of skill i trains: that of skill i + 1, which pays the turn, or that of skill i."""
+    carry_over: bool
+    """Whether optimisers and simulations of a skill go on from its last turn, or each turn makes new ones."""
+    logged_skill: int
+    """Whose terminal states are logged, for the paper's Figure 4."""
+    logged_states: int
+    """How many of a rollout."""
+
+
+class Workshop(Protocol):
+    """What makes a chain's environments."""
+
+    def turn_seed(self, turn: int) -> int:
+        """Of all that is random in a turn."""
+        ...
+
+    def collection(
+        self, skill: Skill, seed: int, before: TerminationSet | None
+    ) -> Collection | RayCollection:
+        """Rollouts of a skill; `before` is the termination set of the skill before, if there is one."""
+        ...
+
+    def seeding_trial(self) -> TransformedEnv:
+        """Where the chain is tried before the first turn."""
+        ...
+
+    def trial(self) -> TransformedEnv:
+        """Where the whole chain is tried, always from the same starts."""
+        ...
+
+
+@dataclass
+class ChainTraining:
+    """A chain in training.
+
+    Attributes:
+        skills: the chain, fine-tuned in place.
+        experts: demonstrations of each subtask.
+        run: log and checkpoints.
+        settings: see `ChainSettings`.
+        training: see `TrainingSettings`.
+        workshop: makes the environments.
+        gate: judges each turn.
+        save: writes the chain under a name, at a number of steps.
+    """
+
+    skills: Sequence[Skill]
+    experts: Sequence[Demonstrations]
+    run: Run
+    settings: ChainSettings
+    training: TrainingSettings
+    workshop: Workshop
+    gate: Gate
+    save: Callable[[str, int], None] = lambda name, steps: None
+    _kept: dict[int, dict[str, Any]] = field(default_factory=dict)
+    _waiting: dict[str, Any] = field(default_factory=dict)
+    """States of what a resumed run has not made yet, as "<index>/<name>"."""
+
+    def seed_sets(self, trial: Trial) -> None:
+        """Fills the sets with the states of a trial: from where each skill succeeded, and where it then was."""
+        for skill, found in zip(self.skills, trial.skills, strict=True):
+            starts = found.starts[found.succeeded]
+            skill.initiation_set.extend(TensorDict({"observation": starts}, [len(starts)]))
+            skill.termination_set.extend(found.ends)
+
+    def kept_by(self, index: int) -> dict[str, Any]:
+        """The updates and the collection of skill `index`, by name; a turn adds those that it makes."""
+        return self._kept.setdefault(index, {})
+
+    def restore(self, index: int, name: str) -> None:
+        """Loads the state that a checkpoint had of something which has just been made."""
+        state = self._waiting.pop(f"{index}/{name}", None)
+        if state is not None:
+            self._kept[index][name].load_state_dict(state)
+
+    def end_turn(self, index: int) -> None:
+        """Drops what skill `index` does not carry over.
+
+        Workers of a cluster are never carried over: the next turn's need their places.
+        """
+        kept = self._kept[index]
+        if not self.settings.carry_over or isinstance(kept["collection"], RayCollection):
+            kept.pop("collection").close()
+        if not self.settings.carry_over:
+            kept.clear()
+
+    def close(self) -> None:
+        """Frees the simulations."""
+        for collection in self._collections():
+            collection.close()
+
+    def settle(self) -> None:
+        """See `Collection.settle`."""
+        for collection in self._collections():
+            collection.settle()
+
+    def _collections(self) -> list[Any]:
+        return [kept["collection"] for kept in self._kept.values() if "collection" in kept]
+
+    def state_dict(self) -> dict[str, Any]:
+        """Of all that is carried over."""
+        made = {
+            f"{index}/{name}": each.state_dict()
+            for index, kept in self._kept.items()
+            for name, each in kept.items()
+        }
+        return {"carried": {**self._waiting, **made}}
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """What `state_dict` gave; each is loaded when its turn comes."""
+        self._waiting = dict(state["carried"])
