@@ -18,7 +18,7 @@ LINK = re.compile(r"\]\(([^)\s]+)\)|\b(?:src|href)=\"([^\"]+)\"")
 PATH = re.compile(r"`((?:tstar_rl|envs|recipes|configs|tests|notebooks|docs)/[\w./-]*)`")
 TEST = re.compile(r"`(test_\w+\.py)`")
 SECTION = re.compile(r'docs/task\.md, "([^"]+)"(?: and "([^"]+)")?')
-DOCUMENT = re.compile(r"\bdocs/[\w./-]+\.md\b")
+DOCUMENT = re.compile(r"\bdocs/[\w./-]+\.md\b|(?<=Source: )[\w./-]+\.md\b")
 
 
 def ids(paths: list[Path]) -> list:

@@ -1,4 +1,4 @@
-"""What one control step pays, on numbers worked by hand. Source of the figures: docs/task.md, "Dense reward"."""
+"""What one control step pays, on numbers worked by hand. Source: docs/task.md, "What every step pays"."""
 
 import math
 

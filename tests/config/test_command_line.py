@@ -76,7 +76,6 @@ MISTAKES = [
     ("tstar", ["chain.links=5"], r"chain.links must be null or in 2..4 for table_lack, got 5"),
     ("tstar", ["chain.starts={buffer: 2}"], "shares of starts must .* sum to 1"),
     ("gail_ppo", [], "networks.features needs one subtask: set subtask=0.. or networks.features=false"),
-    ("spirl", ["subtask=0", "collection.backend=ray"], "spirl.py runs with collection.backend=local"),
     ("evaluate", ["modes=[best]"], "mode must be one of deterministic, stochastic; got 'best'"),
     ("evaluate", ["path=runs/table_lack/tstar/seed1", "seed=0"], "is of seed=1, but seed=0 is asked for"),
     # something that is not there

@@ -3,7 +3,7 @@
 The reward is a table over these rows (`phase_reward`), so that a control step is a few large operations, not hundreds
 of small ones. Simulations come last in every shape here: a row is then one stretch of memory.
 
-Source: docs/task.md, "Dense reward of one subtask" and "Connecting".
+Source: docs/task.md, "Dense reward of one subtask" and "Connection".
 """
 
 from __future__ import annotations
