@@ -1,8 +1,8 @@
 """Statistics of arms that were trained with several seeds and evaluated for many episodes each.
 
 Scores of an arm are a list with one array of episodes for each seed. Every interval is a 95% percentile bootstrap:
-seeds are drawn with replacement, then episodes within each drawn seed, so both sources of chance are in it. With fewer than
-about five seeds such an interval is too narrow; `paired_difference` therefore gives Student's t beside it.
+seeds are drawn with replacement, then episodes within each drawn seed, so both sources of chance are in it. With
+fewer than about five seeds such an interval is too narrow; `paired_difference` gives Student's t beside it.
 
 Source: Agarwal et al., Deep Reinforcement Learning at the Edge of the Statistical Precipice, NeurIPS 2021.
 """
@@ -28,7 +28,7 @@ __all__ = [
     "resampled_means",
 ]
 
-Array = NDArray[np.float64]
+Array = NDArray[np.floating]
 Scores = Sequence[ArrayLike]
 """(episodes,) scores of each seed."""
 RESAMPLES = 5_000
