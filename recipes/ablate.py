@@ -20,11 +20,10 @@ from tstar_rl.analysis import (
     ablation_figure,
     ablation_finding,
     ablation_table,
-    ablations,
     load_ablation,
     save_figure,
 )
-from tstar_rl.analysis.ablations import SKILLS, Variant
+from tstar_rl.analysis.variants import FOLDER, SKILLS, Variant, names, read
 from tstar_rl.config.build import chain_length, demonstrations_path
 from tstar_rl.config.load import plain, recipe
 from tstar_rl.launch.backends import launcher
@@ -51,9 +50,9 @@ def main(config: DictConfig) -> None:
     given = HydraConfig.get().overrides.task
     shared = [value for value in given if value.split("=")[0].lstrip("+") not in OWN]
     shared.insert(0, f"scale={HydraConfig.get().runtime.choices['scale']}")
-    chosen = ablations.names() if config.all else sorted(config.get("ablation") or ())
+    chosen = names() if config.all else sorted(config.get("ablation") or ())
     if not chosen:
-        raise SystemExit(f"say which: ablation=<name> or all=true; there are {', '.join(ablations.names())}")
+        raise SystemExit(f"say which: ablation=<name> or all=true; there are {', '.join(names())}")
     variants = [variant for name in chosen for variant in _chosen(config, name)]
     firsts = {variant.first(): None for variant in variants}
     sources = {first.source().first(): None for first in firsts if first.bonus_of}
@@ -78,7 +77,7 @@ def main(config: DictConfig) -> None:
 
 def _chosen(config: DictConfig, name: str) -> list[Variant]:
     """The variants of an ablation that are asked for."""
-    found = ablations.read(name)
+    found = read(name)
     return (
         list(found.variants) if config.variants is None else [found.variant(one) for one in config.variants]
     )
@@ -178,7 +177,7 @@ def _show(config: DictConfig, name: str) -> None:
     rows = rows[rows.task == config.task.name]
     print(ablation_table(rows).round(3).to_string())
     print(ablation_finding(rows))
-    path = Path(config.results_dir) / config.task.name / ablations.FOLDER / name / "ablation.png"
+    path = Path(config.results_dir) / config.task.name / FOLDER / name / "ablation.png"
     print(save_figure(ablation_figure(rows), path))
 
 

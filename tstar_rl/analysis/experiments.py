@@ -171,11 +171,11 @@ def hand_over_gaps(experiment: Experiment, task: str, checkpoint: str = "last") 
         where nothing is known of the skills.
     """
     lines = []
-    for row in experiment.chosen(task, checkpoint).itertuples():
-        own, tuned = _own_success(experiment, task, str(row.arm), int(row.seed), checkpoint)
-        product = product_of_skills(own) if own else math.nan
-        line = {"arm": row.arm, "seed": row.seed, "progress": row.progress, "product": product}
-        lines.append(line | {"gap": product - row.progress, "fine_tuned": tuned})
+    for _, row in experiment.chosen(task, checkpoint).iterrows():
+        own, tuned = _own_success(experiment, task, str(row["arm"]), int(row["seed"]), checkpoint)
+        progress, product = float(row["progress"]), product_of_skills(own) if own else math.nan
+        line = {"arm": row["arm"], "seed": row["seed"], "progress": progress, "product": product}
+        lines.append(line | {"gap": product - progress, "fine_tuned": tuned})
     return pd.DataFrame(lines)
 
 

@@ -29,8 +29,7 @@ __all__ = [
 ]
 
 Array = NDArray[np.floating]
-Scores = Sequence[ArrayLike]
-"""(episodes,) scores of each seed."""
+Scores = Sequence[ArrayLike]  # (episodes,) of each seed
 RESAMPLES = 5_000
 
 

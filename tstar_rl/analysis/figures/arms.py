@@ -86,7 +86,7 @@ def differences_figure(
     by_seed = rows.pivot_table(index="seed", columns="arm", values="progress", observed=True)
     figure, grid = panels(1, 1, (8, 1.4 + 0.55 * len(table)))
     axes = grid[0, 0]
-    for place, row in table.iterrows():
+    for place, (_, row) in enumerate(table.iterrows()):
         _dots(axes, (by_seed[row["first"]] - by_seed[row["second"]]).dropna(), place, "C0")
         mean = row["difference"]
         ends = np.clip([[mean - row["low"]], [row["high"] - mean]], 0, None)

@@ -20,7 +20,7 @@ from tstar_rl.analysis.page.markdown import (
 )
 from tstar_rl.analysis.tables import UNKNOWN
 
-__all__ = ["arms", "commits", "comparisons", "draw_experiment", "short_table"]
+__all__ = ["arms", "commits", "comparison_table", "comparisons", "draw_experiment", "short_table"]
 
 ARMS = "Every seed is a dot, with interquartile mean and 95% interval; right: the share of seeds above a progress."
 PAIRS = "Differences in progress on the same seed."
@@ -87,8 +87,8 @@ def short_table(experiment: Experiment, paper: Paper, task: str) -> str:
     return table(["arm", "progress [95%]", "success [95%]", "hand-over gap", "seeds"], lines) + starred
 
 
-def comparisons(experiment: Experiment, paper: Paper, entry: Entry, task: str) -> str:
-    """The table of the compared pairs of a task, and their figure; nothing if none shares a seed."""
+def comparison_table(experiment: Experiment, paper: Paper, entry: Entry, task: str) -> str:
+    """The compared pairs of a task; nothing if none shares a seed."""
     lines = []
     for row in compare_arms(ordered(experiment, paper, task), entry.pairs).itertuples():
         better = (row.improvement, row.improvement_low, row.improvement_high)
@@ -96,11 +96,14 @@ def comparisons(experiment: Experiment, paper: Paper, entry: Entry, task: str) -
         line = [f"{arm_label(paper, row.first)} less {arm_label(paper, row.second)}", str(row.seeds)]
         line += [signed_interval(row.difference, row.low, row.high), half, interval(*better)]
         lines.append([*line, str(row.verdict)])
-    if not lines:
-        return ""
     header = ["difference in progress", "seeds", "mean [95%, bootstrap]", "95%, Student's t"]
-    found = table([*header, "probability of improvement [95%]", ""], lines)
-    return f"{picture(PAIRS, f'{entry.prefix}{task}_differences')}\n{found}"
+    return table([*header, "probability of improvement [95%]", "the first is"], lines) if lines else ""
+
+
+def comparisons(experiment: Experiment, paper: Paper, entry: Entry, task: str) -> str:
+    """The table of the compared pairs of a task, and their figure; nothing if none shares a seed."""
+    found = comparison_table(experiment, paper, entry, task)
+    return f"{picture(PAIRS, f'{entry.prefix}{task}_differences')}\n{found}" if found else ""
 
 
 def commits(experiment: Experiment) -> str:
@@ -110,9 +113,13 @@ def commits(experiment: Experiment) -> str:
         return f"All arms come from commit {next(iter(found))[:7]}.\n"
     parts = []
     for commit, runs in found.items():
-        where = "no commit is kept of" if commit == UNKNOWN else f"{commit[:7]} made"
-        parts.append(f"{where} {', '.join(f'`{run}`' for run in runs)}")
-    return f"The arms come from several commits: {'; '.join(parts)}.\n"
+        seeds: dict[str, list[str]] = {}
+        for run in runs:
+            arm, _, seed = run.rpartition("/seed")
+            seeds.setdefault(arm, []).append(seed)
+        named = "; ".join(f"`{arm}` (seed {', '.join(each)})" for arm, each in seeds.items())
+        parts.append(f"- {'unknown' if commit == UNKNOWN else commit[:7]}: {named}\n")
+    return "The arms come from several commits:\n\n" + "".join(parts)
 
 
 def draw_experiment(experiment: Experiment, paper: Paper, entry: Entry, figures: Path) -> list[Path]:

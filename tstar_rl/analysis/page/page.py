@@ -3,6 +3,7 @@
 The same published tables give the same text. Nothing is left out for being bad; what the paper lacks stands beside it.
 """
 
+import re
 from pathlib import Path
 
 import pandas as pd
@@ -30,11 +31,11 @@ on seeds that nothing was trained or chosen on. In the columns "sampled", action
 a single policy the one with the highest running mean of subtasks completed in training. The paper gives its best
 checkpoint.
 
-*Progress [95%]* and *success [95%]* are interquartile means over seeds (with fewer than four seeds: means). The interval
-is a bootstrap over seeds, and over episodes within seeds. With fewer than five seeds it is too narrow. So a *difference*
-between two arms, paired by seed, has Student's t beside it, and is called higher or lower only where both exclude zero.
-*Probability of improvement* is how often a seed of the first arm beats a seed of the second. Other tables give mean +-
-standard deviation over seeds.
+*Progress [95%]* and *success [95%]* are interquartile means over seeds (with fewer than four seeds: means). The
+interval is a bootstrap over seeds, and over episodes within seeds. With fewer than five seeds it is too narrow. So a
+*difference* between two arms, paired by seed, has Student's t beside it, and is called higher or lower only where both
+exclude zero. *Probability of improvement* is how often a seed of the first arm beats a seed of the second. Other tables
+give mean +- standard deviation over seeds.
 
 *Product of its skills* is the progress of a chain whose skills succeed as often from where the one before ends as from
 their own starts. The *hand-over gap* is that product less what the chain does: all that a way of chaining can mend.
@@ -49,8 +50,34 @@ def results_page(root: str | Path, paper: Paper, notes: str) -> str:
         paper: docs/paper_results.yaml.
         notes: what was found, in a person's words; the page leads with it.
     """
-    found = [_experiment(entry, paper) for entry in read_contents(root).experiments]
-    return "\n\n".join(part.strip() for part in ("# Results", WRITTEN, notes, READING, *found)) + "\n"
+    entries = read_contents(root).experiments
+    found = [_experiment(entry, paper) for entry in entries]
+    said = _filled(notes, {entry.folder.name: entry for entry in entries}, paper)
+    return "\n\n".join(part.strip() for part in ("# Results", WRITTEN, said, READING, *found)) + "\n"
+
+
+def _filled(notes: str, entries: dict[str, Entry], paper: Paper) -> str:
+    """The notes with the tables that they ask for: `<!-- table: <folder> -->`, `<!-- comparisons: <folder> -->`.
+
+    Raises:
+        ValueError: for a folder that is no experiment.
+    """
+
+    def fill(found: re.Match[str]) -> str:
+        kind, entry = found[1], entries.get(found[2])
+        if entry is None or entry.kind != "experiment":
+            known = ", ".join(name for name, each in entries.items() if each.kind == "experiment")
+            raise ValueError(f"{found[0]}: there is no such experiment; there are {known}")
+        experiment = read_experiment(entry.folder)
+        shown = [
+            parts.short_table(experiment, paper, task)
+            if kind == "table"
+            else parts.comparison_table(experiment, paper, entry, task)
+            for task in experiment.tasks
+        ]
+        return "\n".join(shown).strip()
+
+    return re.sub(r"<!-- (table|comparisons): (\S+) -->", fill, notes)
 
 
 def _evaluations(root: Path) -> pd.DataFrame:

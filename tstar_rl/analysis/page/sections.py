@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from tstar_rl.analysis import ablations
+from tstar_rl.analysis import ablations, variants
 from tstar_rl.analysis.page.markdown import (
     NOTHING,
     Paper,
@@ -175,8 +175,8 @@ def hand_over(root: Path, task: str, paper: Paper, prefix: str) -> str:
 def ablated(root: Path) -> str:
     """A table and its finding for each ablation that has been run."""
     sections = []
-    for name in ablations.names():
-        if not any(root.glob(f"*/{ablations.FOLDER}/{name}/*/seed*/evaluation.csv")):
+    for name in variants.names():
+        if not any(root.glob(f"*/{variants.FOLDER}/{name}/*/seed*/evaluation.csv")):
             continue
         found, rows = ablations.load_ablation(name, root), []
         for (task, variant), line in ablations.ablation_table(found).iterrows():  # pyright: ignore[reportGeneralTypeIssues]
