@@ -6,13 +6,12 @@ python recipes/plot_skills.py task=table_lack subtask=0 seed=0
 import torch
 from omegaconf import DictConfig
 
-from tstar_rl.analysis import save_figure, skill_paths
 from tstar_rl.config.build import environment, load_demonstrations
 from tstar_rl.config.load import recipe
 from tstar_rl.runs.run_folder import run_path
 from tstar_rl.seeds import derive_seed
 from tstar_rl.spirl.agent import SkillAgent
-from tstar_rl.spirl.played_skills import moments, play_skills
+from tstar_rl.spirl.plots import draw_skills, moments, play_skills
 
 
 @recipe("plot_skills", checkpoint=str, states=int, draws=int)
@@ -29,7 +28,7 @@ def main(config: DictConfig) -> None:
     paths = play_skills(agent, env, expert, rows)
     results = run_path(config.results_dir, *place)
     paths.to_csv(results / "skills.csv", index=False)
-    print(save_figure(skill_paths(paths), results / "skills.png"))
+    print(draw_skills(paths, results / "skills.png"))
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ from torch.testing import assert_close
 from tstar_rl import FurnitureEnv
 from tstar_rl.demonstrations.data_set import Demonstrations
 from tstar_rl.rollouts.collection import with_starts
-from tstar_rl.spirl.played_skills import draw_skills, moments, play_skills
+from tstar_rl.spirl.plots import draw_skills, moments, play_skills
 
 
 def demonstration(env: FurnitureEnv, steps: int) -> Demonstrations:

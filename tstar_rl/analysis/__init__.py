@@ -21,7 +21,6 @@ from tstar_rl.analysis.figures import (
     learning_curves,
     save_figure,
     seed_curves,
-    skill_paths,
     terminal_state_plane,
 )
 from tstar_rl.analysis.statistics import (
@@ -73,7 +72,6 @@ __all__ = [
     "read_terminal_states",
     "save_figure",
     "seed_curves",
-    "skill_paths",
     "spread",
     "terminal_state_plane",
 ]

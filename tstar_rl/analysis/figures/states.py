@@ -1,4 +1,4 @@
-"""Where skills end and begin: terminal states, hand-overs, and the paths of skills drawn from a prior."""
+"""Where skills end and begin: terminal states and hand-overs."""
 
 from collections.abc import Sequence
 
@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from tstar_rl.analysis.figures.panels import panels, readable
 
-__all__ = ["hand_over_matrix", "skill_paths", "terminal_state_plane"]
+__all__ = ["hand_over_matrix", "terminal_state_plane"]
 
 
 def terminal_state_plane(table: pd.DataFrame, shares: Sequence[float]) -> Figure:
@@ -53,28 +53,4 @@ def hand_over_matrix(table: pd.DataFrame) -> Figure:
         axes.set_title(title, fontsize=9)
         axes.set_xticks(range(len(subtasks)), [f"skill {index}" for index in subtasks])
         axes.set_yticks(range(len(systems)), [readable(name) for name in systems])
-    return figure
-
-
-def skill_paths(paths: pd.DataFrame) -> Figure:
-    """Where the grip goes under skills drawn from a prior: a column for each state, from above and from the side.
-
-    Args:
-        paths: columns state, skill (-1: the demonstration), step, and x, y, z in m, world. Drawn in cm from the start.
-    """
-    states = sorted(paths["state"].unique())
-    figure, grid = panels(2, len(states), (2.6 * len(states), 5))
-    for state, column in zip(states, grid.T, strict=True):
-        here = paths[paths["state"] == state]
-        for axes, (a, b) in zip(column, (("x", "y"), ("x", "z")), strict=True):
-            for skill, one in here.groupby("skill"):
-                shown = one.sort_values("step")[[a, b]].to_numpy() * 100
-                style = {"color": "black", "linewidth": 2} if skill == -1 else {"linewidth": 0.8}
-                axes.plot(*(shown - shown[0]).T, **style)
-            axes.set_xlabel(f"{a}, cm", fontsize=8)
-            axes.set_ylabel(f"{b}, cm", fontsize=8)
-            axes.tick_params(labelsize=7)
-            axes.set_aspect("equal", "datalim")
-        column[0].set_title(f"state {state}", fontsize=9)
-    figure.suptitle("Grip under skills drawn from the prior (black: the demonstration)", fontsize=9)
     return figure

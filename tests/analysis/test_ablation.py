@@ -22,7 +22,7 @@ from tstar_rl.rollouts.collection import rollout_metrics, with_starts
 from tstar_rl.rollouts.starts import check_shares
 from tstar_rl.runs.csv_tables import MetricsLog
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 VARIANTS = [variant for name in ablation.names() for variant in ablation.read(name).variants]
 TWO = {"reference": "a", "variants": [{"name": "a", "system": "tstar"}, {"name": "b", "system": "tstar"}]}
 

@@ -1,9 +1,15 @@
-"""What skills drawn from a prior do: played in the simulator from demonstrated states."""
+"""What skills drawn from a prior do: played in the simulator from demonstrated states, and drawn."""
 
+from pathlib import Path
 from typing import Any
+
+import matplotlib
+
+matplotlib.use("Agg")
 
 import pandas as pd
 import torch
+from matplotlib import pyplot as plt
 from tensordict import TensorDictBase
 from torch import Tensor
 from torchrl.envs import ExplorationType, TransformedEnv, set_exploration_type
@@ -13,7 +19,7 @@ from tstar_rl.env.layout import GRIP_POSITION
 from tstar_rl.spirl.agent import SkillAgent, SkillPolicy
 from tstar_rl.spirl.skill_model import make_skill_actor
 
-__all__ = ["moments", "play_skills"]
+__all__ = ["draw_skills", "moments", "play_skills"]
 
 AXES = ("x", "y", "z")
 
@@ -65,3 +71,28 @@ def play_skills(agent: SkillAgent, env: TransformedEnv, expert: Demonstrations, 
 def _grip(tensordict: TensorDictBase) -> Tensor:
     """(N, 3), m, world."""
     return tensordict["observation"][:, GRIP_POSITION : GRIP_POSITION + 3].clone()
+
+
+def draw_skills(paths: pd.DataFrame, path: str | Path) -> Path:
+    """A column for each state, seen from above and from the side, in cm from where it starts; writes a PNG."""
+    states = sorted(paths["state"].unique())
+    figure, panels = plt.subplots(2, len(states), figsize=(2.6 * len(states), 5), squeeze=False)
+    for state, column in zip(states, panels.T, strict=True):
+        here = paths[paths["state"] == state]
+        for axes, (a, b) in zip(column, (("x", "y"), ("x", "z")), strict=True):
+            for skill, one in here.groupby("skill"):
+                shown = one.sort_values("step")[[a, b]].to_numpy() * 100
+                style = {"color": "black", "linewidth": 2} if skill == -1 else {"linewidth": 0.8}
+                axes.plot(*(shown - shown[0]).T, **style)
+            axes.set_xlabel(f"{a}, cm", fontsize=8)
+            axes.set_ylabel(f"{b}, cm", fontsize=8)
+            axes.tick_params(labelsize=7)
+            axes.set_aspect("equal", "datalim")
+            axes.grid(alpha=0.3)
+        column[0].set_title(f"state {state}", fontsize=9)
+    figure.suptitle("Grip under skills drawn from the prior (black: the demonstration)", fontsize=9)
+    figure.tight_layout()
+    Path(path).parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=100)
+    plt.close(figure)
+    return Path(path)

@@ -9,7 +9,7 @@ import yaml
 from tstar_rl.analysis.report import curve_groups, other_roots, replace_block, results_head, results_page
 from tstar_rl.analysis.report_tables import comparison, over_seeds, skills
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 PAPER, NOTES = ROOT / "docs" / "paper_results.yaml", ROOT / "docs" / "results_notes.md"
 THEIRS = {
     "tasks": ["table"],

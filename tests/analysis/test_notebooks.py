@@ -11,7 +11,7 @@ from nbclient import NotebookClient
 
 from tstar_rl.analysis import variants
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 each = pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 of_ablations = pytest.mark.parametrize("name", variants.names())
