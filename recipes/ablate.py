@@ -24,7 +24,8 @@ from tstar_rl.analysis import (
     save_figure,
 )
 from tstar_rl.analysis.variants import FOLDER, SKILLS, Variant, names, read
-from tstar_rl.config.build import chain_length, demonstrations_path
+from tstar_rl.config.build import demonstrations_path
+from tstar_rl.config.chain import chain_length
 from tstar_rl.config.load import plain, recipe
 from tstar_rl.launch.backends import launcher
 from tstar_rl.launch.side_by_side import Step, mean_bonus, run_side_by_side

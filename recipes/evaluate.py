@@ -17,7 +17,8 @@ from omegaconf import DictConfig
 from torchrl.checkpoint import Checkpoint
 
 from tstar_rl.chaining.chain import ChainPolicy, chain_folders
-from tstar_rl.config.build import chain_length, environment, load_skill
+from tstar_rl.config.build import environment, load_skill
+from tstar_rl.config.chain import chain_length
 from tstar_rl.config.load import plain, recipe
 from tstar_rl.rollouts.episodes import MODES, check_modes, evaluate, same_policy
 from tstar_rl.rollouts.recorder import Recorder

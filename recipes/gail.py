@@ -3,75 +3,27 @@
 python recipes/gail.py task=table_lack scale=whole seed=0          # or subtask=0 scale=laptop
 """
 
-import torch
 from omegaconf import DictConfig
-from torchrl.envs import Compose
 
-from tstar_rl.config.build import explore, load_demonstrations, make_collection, new_skill
-from tstar_rl.config.load import plain, recipe, settings
-from tstar_rl.rollouts.collection import rollout_metrics
-from tstar_rl.runs.run import Run
-from tstar_rl.seeds import derive_seed
-from tstar_rl.transforms import GAILReward, RewardMixture
-from tstar_rl.updates import (
-    BehaviourCloningSettings,
-    DiscriminatorSettings,
-    PolicyUpdate,
-    PPOSettings,
-    behaviour_cloning,
-    make_f_phi_update,
-)
+from tstar_rl.config import recipe, settings, skill_training
+from tstar_rl.transforms import GAILReward, RewardMixture, weighted
+from tstar_rl.updates import DiscriminatorSettings
 
 
 @recipe("gail")
 def main(config: DictConfig) -> None:
-    """As GAIL+PPO, less the reward of the environment."""
-    total, training = config.training.total_steps, config.training
-    run = Run(plain(config), config.subtask, total)
-    seed = derive_seed(config.seed, "train", config.subtask)
-    skill = new_skill(config, config.subtask)
-    expert = load_demonstrations(config, config.subtask)
-    skill.normalizer.fit(expert.observations, config.normalizer.floor)
-    update_f_phi = make_f_phi_update(skill.f_phi, settings(DiscriminatorSettings, config.f_phi), seed)
-    update_policy = PolicyUpdate(
-        skill.policy,
-        skill.value,
-        settings(PPOSettings, config.ppo),
-        skill.return_scale,
-        seed,
+    """As GAIL + PPO, less the environment's reward: its weight is 0 in configs/recipe/gail.yaml."""
+    training = skill_training(config)
+    discriminator = settings(DiscriminatorSettings, config.f_phi)
+    update_f_phi = training.discriminator_update(
+        "f_phi", training.skill, discriminator, expert=1.0, agent=-1.0
     )
-    reward = Compose(
-        GAILReward(skill.f_phi), RewardMixture(**{**config.reward, "lambda_1": 0.0, "lambda_3": 0.0})
-    )
-    collection = make_collection(config, skill.policy, config.subtask, seed)
-    steps = run.start(
-        skill=skill,
-        collection=collection,
-        update_f_phi=update_f_phi,
-        update_policy=update_policy,
-    )
-    if steps == 0 and config.warm_start:
-        cloning = settings(BehaviourCloningSettings, config.bc)
-        behaviour_cloning(skill.policy, expert.observations, expert.actions, cloning, seed)
-        torch.manual_seed(seed)
+    update_policy = training.policy_update()
+    reward = weighted(settings(RewardMixture, config.reward), {"gail": GAILReward(training.skill.f_phi)})
 
-    while steps < total:
-        explore(skill, config, steps / total)
-        rollout = collection.rollout()
-        steps += rollout.numel()
-        log = update_f_phi(expert.observations, rollout["observation"])
-        rollout = reward(rollout)
-        log |= update_policy(rollout, steps / total) | collection.counts()
-        if config.normalizer.running:
-            skill.normalizer.update(rollout["observation"], config.normalizer.floor)
-        run.log(steps, **rollout_metrics(rollout), **log)
-        if run.improved:
-            skill.save(run.work / "best", recipe=config.system, env_steps=steps)
-        run.save_if_due(training.checkpoint_every)
-
-    collection.close()
-    skill.save(run.work / "last", recipe=config.system, env_steps=steps)
-    run.finish()
+    for rollout in training.rollouts():
+        log = update_f_phi(expert=training.expert.observations, agent=rollout["observation"])
+        training.log(rollout, log | update_policy(reward(rollout), training.progress))
 
 
 if __name__ == "__main__":

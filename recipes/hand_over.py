@@ -17,9 +17,11 @@ from omegaconf import DictConfig
 from tensordict import TensorDictBase
 
 from tstar_rl.analysis import hand_over_matrix, save_figure
-from tstar_rl.chaining.chain import load_chain, try_out
+from tstar_rl.chaining.chain import load_chain
 from tstar_rl.chaining.skill import Skill
-from tstar_rl.config.build import environment, load_skills
+from tstar_rl.chaining.trials import try_out
+from tstar_rl.config.build import environment
+from tstar_rl.config.chain import load_skills
 from tstar_rl.config.load import recipe
 from tstar_rl.intervals import wilson_interval
 from tstar_rl.rollouts.state_sets import TerminationSet

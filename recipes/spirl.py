@@ -36,7 +36,7 @@ def main(config: DictConfig) -> None:
     agent.normalizer.fit(expert.observations, config.normalizer.floor)
     sac = settings(SkillPolicySettings, spirl.policy)
     update_policy = SkillPolicyUpdate(agent.actor, agent.critic, agent.model.prior, sac)
-    reward = RewardMixture(**config.reward)
+    reward = settings(RewardMixture, config.reward)
     buffer = TensorDictReplayBuffer(storage=LazyTensorStorage(spirl.capacity))
     env = environment(config, config.subtask, spirl.num_envs, seed, max_steps=spirl.max_steps)
     horizon, latent = spirl.model.horizon, spirl.model.latent

@@ -7,6 +7,8 @@ function keeps the shape of its arguments (they broadcast) unless it says that i
 Discriminator outputs come in raw: they are clipped here, where a reward is made of them, and nowhere else.
 """
 
+from collections.abc import Sequence
+
 import torch
 from torch import Tensor
 
@@ -25,14 +27,6 @@ def gail_reward(f: Tensor) -> Tensor:
     return (1.0 - 0.25 * (f - 1.0).square()).clamp(0.0, 1.0)
 
 
-def subtask_reward(r_env: Tensor, r_gail: Tensor, lambda_1: float, lambda_2: float) -> Tensor:
-    """The reward of learning one subtask, lambda_1 r_env + lambda_2 r_gail.
-
-    Source: the paper, eq. 1.
-    """
-    return lambda_1 * r_env + lambda_2 * r_gail
-
-
 def terminal_state_reward(d: Tensor, in_termination_set: Tensor) -> Tensor:
     """The terminal state regularisation: d clipped to [0, 1] where the skill has succeeded, 0 elsewhere.
 
@@ -49,44 +43,40 @@ def terminal_state_reward(d: Tensor, in_termination_set: Tensor) -> Tensor:
     return torch.where(in_termination_set, d.clamp(0.0, 1.0), torch.zeros_like(d))
 
 
-def mixed_reward(
-    r_env: Tensor, r_gail: Tensor, r_tsr: Tensor, lambda_1: float, lambda_2: float, lambda_3: float
-) -> Tensor:
-    """The reward of chaining, the subtask reward plus lambda_3 r_tsr.
+def weighted_reward(rewards: Sequence[Tensor], weights: Sequence[float]) -> Tensor:
+    """The reward that a policy learns from, the sum of weight times reward.
 
-    Source: the paper, eq. 3.
-    """
-    return subtask_reward(r_env, r_gail, lambda_1, lambda_2) + lambda_3 * r_tsr
-
-
-def gail_discriminator_loss(f_expert: Tensor, f_agent: Tensor) -> Tensor:
-    """Least squares with labels +1 and -1: mean (f_expert - 1)^2 + mean (f_agent + 1)^2.
+    Learning one subtask it is lambda_1 r_env + lambda_2 r_gail (eq. 1); chaining adds lambda_3 r_tsr (eq. 3).
 
     Args:
-        f_expert: raw outputs on the expert's states, any shape.
-        f_agent: raw outputs on the agent's states, any shape.
+        rewards: at least one, all of one shape.
+        weights: of the rewards, in their order.
+
+    Returns:
+        Same shape.
+
+    Source: the paper, eq. 1 and 3.
+    """
+    terms = [weight * reward for weight, reward in zip(weights, rewards, strict=True)]
+    return sum(terms[1:], start=terms[0])
+
+
+def least_squares_loss(scores: Tensor, label: float) -> Tensor:
+    """The mean squared distance of a discriminator's scores from a label.
+
+    The loss of f_phi is that of an expert's states to +1 plus that of an agent's to -1; the loss of d_omega is that of
+    initiation sets to 1 plus that of the termination set before to 0.
+
+    Args:
+        scores: raw outputs, any shape.
+        label: what they should be.
 
     Returns:
         A scalar.
 
-    Source: the paper, text below eq. 1; AMP eq. 6.
+    Source: the paper, text below eq. 1 (AMP eq. 6), and L_i(omega) in section 3.3.
     """
-    return (f_expert - 1.0).square().mean() + (f_agent + 1.0).square().mean()
-
-
-def initiation_set_loss(d_initiation: Tensor, d_termination: Tensor) -> Tensor:
-    """Least squares with labels 1 and 0: mean (d_initiation - 1)^2 + mean d_termination^2.
-
-    Args:
-        d_initiation: raw outputs on states of the skill's initiation set, any shape.
-        d_termination: raw outputs on states of the termination set of the skill before, any shape.
-
-    Returns:
-        A scalar.
-
-    Source: the paper, L_i(omega) in section 3.3.
-    """
-    return (d_initiation - 1.0).square().mean() + d_termination.square().mean()
+    return (scores - label).square().mean()
 
 
 def gradient_penalty(grad: Tensor) -> Tensor:

@@ -15,7 +15,7 @@ from hydra.errors import MissingConfigException
 from tstar_rl.analysis import ablation, ablation_plots
 from tstar_rl.analysis.ablation import SKILLS
 from tstar_rl.analysis.ablation_plots import ablation_finding, ablation_table, load_ablation
-from tstar_rl.config.build import chain_length
+from tstar_rl.config.chain import chain_length
 from tstar_rl.config.load import CONFIGS
 from tstar_rl.launch import side_by_side
 from tstar_rl.rollouts.collection import rollout_metrics, with_starts

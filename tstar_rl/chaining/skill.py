@@ -2,13 +2,13 @@
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import torch
 from torch import nn
 
-from tstar_rl.env.layout import FIVE_PARTS
-from tstar_rl.models.networks import make_discriminator, make_policy, make_value
+from tstar_rl.env.layout import observation_size
+from tstar_rl.models.networks import Discriminator, make_discriminator, make_policy, make_value
 from tstar_rl.models.normalizer import Normalizer
 from tstar_rl.models.relative_features import RelativeFeatures
 from tstar_rl.models.return_scale import ReturnScale
@@ -22,7 +22,7 @@ ACTIVATIONS = {"relu": nn.ReLU, "tanh": nn.Tanh}
 
 @dataclass(frozen=True)
 class NetworkSettings:
-    """Source: the paper's appendix for the defaults; without features it sees the observation alone."""
+    """Source: the paper's appendix for the defaults; without features a network sees the observation alone."""
 
     hidden: tuple[int, ...] = (128, 256)
     activation: str = "relu"
@@ -42,15 +42,22 @@ class NetworkSettings:
 
 
 class Skill:
-    """What subtask `subtask` of `task` has learnt.
+    """What has been learned for subtask `subtask` of `task`.
+
+    A skill always has a policy, a value network and the paper's two discriminators, f_phi and d_omega. A chaining
+    method that needs a further network of the skill's states asks for it by name (`network`): it is then saved, moved
+    and rolled back with the rest.
 
     Args:
         task: furniture.
         subtask: 0-based; None for one policy of the whole task.
         settings: sizes of the networks.
-        features: what `FurnitureEnv.features(subtask)` gives, if the settings ask for features.
-        capacity: of the two sets.
-        obs_dim: numbers in an observation of the task, `features.observation_size` of its parts.
+        features: geometry of the subtask (`env.furniture_env.subtask_geometry`), if the settings ask for features.
+        capacity: of each of the two sets.
+        obs_dim: numbers in an observation of the task; the default is that of furniture of five parts.
+
+    Raises:
+        ValueError: if the settings ask for features and there is no geometry.
     """
 
     def __init__(
@@ -60,53 +67,72 @@ class Skill:
         settings: NetworkSettings,
         features: dict[str, Any] | None = None,
         capacity: int = 4096,
-        obs_dim: int = FIVE_PARTS,
+        obs_dim: int = observation_size(5),
     ) -> None:
         if settings.features and features is None:
             raise ValueError("the settings ask for features, but no geometry was given for them")
         self.task, self.subtask, self.settings, self.obs_dim = task, subtask, settings, obs_dim
         self.geometry = features if settings.features else None
-        relative = RelativeFeatures(self.geometry) if self.geometry is not None else None
         self.normalizer = Normalizer(obs_dim)
         shared: dict[str, Any] = {
             "obs_dim": obs_dim,
             "hidden": settings.hidden,
             "activation": ACTIVATIONS[settings.activation],
             "normalizer": self.normalizer,
-            "features": relative,
+            "features": RelativeFeatures(self.geometry) if self.geometry is not None else None,
         }
         std = torch.tensor([settings.action_std] * 7 + [settings.hand_std] * 2)
         self.policy = make_policy(std=settings.std, action_std=std, **shared)
         self.value = make_value(**shared)
-        hidden, activation = (
-            settings.discriminator_hidden,
-            ACTIVATIONS[settings.discriminator_activation],
-        )
-        self.f_phi, self.d_omega = (
-            make_discriminator(obs_dim, hidden=hidden, activation=activation, normalizer=self.normalizer)
-            for _ in range(2)
-        )
+        self.networks = {name: self._make_network() for name in ("f_phi", "d_omega")}
         self.return_scale = ReturnScale()
-        self.initiation_set, self.termination_set = (
-            InitiationSet(capacity),
-            TerminationSet(capacity),
+        self.initiation_set, self.termination_set = InitiationSet(capacity), TerminationSet(capacity)
+
+    @property
+    def f_phi(self) -> Discriminator:
+        """The GAIL discriminator."""
+        return self.networks["f_phi"]
+
+    @property
+    def d_omega(self) -> Discriminator:
+        """The discriminator of this skill's initiation set."""
+        return self.networks["d_omega"]
+
+    def network(self, name: str) -> Discriminator:
+        """The network of that name: observation (..., O) -> score (..., 1). One that is new is made.
+
+        The numbers that it begins with depend on torch's global generator, which is left as it was.
+
+        Raises:
+            ValueError: if the name is that of another module of the skill.
+        """
+        if name in ("policy", "value", "return_scale"):
+            raise ValueError(f"{name} is a module of every skill: give the further network another name")
+        if name not in self.networks:
+            with torch.random.fork_rng(devices=[]):
+                self.networks[name] = self._make_network().to(self.initiation_set.device)
+        return self.networks[name]
+
+    def _make_network(self) -> Discriminator:
+        hidden = self.settings.discriminator_hidden
+        activation = ACTIVATIONS[self.settings.discriminator_activation]
+        return make_discriminator(
+            self.obs_dim, hidden=hidden, activation=activation, normalizer=self.normalizer
         )
 
     def to(self, device: torch.device | str) -> "Skill":
         """Moves networks and sets; returns the skill."""
         for module in self.modules.values():
             module.to(device)
-        for name, kind in (("initiation_set", InitiationSet), ("termination_set", TerminationSet)):
-            moved, state = kind(getattr(self, name).capacity, device), getattr(self, name).state_dict()
-            moved.load_state_dict(state)
-            setattr(self, name, moved)
+        for states in (self.initiation_set, self.termination_set):
+            states.to(device)
         return self
 
     @property
     def modules(self) -> dict[str, nn.Module]:
         """The networks by name, with their normaliser inside."""
-        names = ("policy", "value", "f_phi", "d_omega", "return_scale")
-        return {name: getattr(self, name) for name in names}
+        first: dict[str, nn.Module] = {"policy": self.policy, "value": self.value}
+        return {**first, **self.networks, "return_scale": self.return_scale}
 
     def network_state(self) -> dict[str, Any]:
         """Copies of all parameters and buffers."""
@@ -116,27 +142,33 @@ class Skill:
         }
 
     def load_network_state(self, state: dict[str, Any]) -> None:
-        """What `network_state` gave."""
-        for name, module in self.modules.items():
-            module.load_state_dict(state[name])
+        """What `network_state` gave. A further network that was made since stays as it is."""
+        for name, values in state.items():
+            module = self.modules.get(name)
+            cast(nn.Module, self.network(name) if module is None else module).load_state_dict(values)
 
     def state_dict(self) -> dict[str, Any]:
         """Networks and sets."""
-        sets = {name: getattr(self, name).state_dict() for name in ("initiation_set", "termination_set")}
-        return {**self.network_state(), **sets}
+        sets = {"initiation_set": self.initiation_set, "termination_set": self.termination_set}
+        return {**self.network_state(), "sets": {name: states.state_dict() for name, states in sets.items()}}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """What `state_dict` gave."""
-        self.load_network_state(state)
-        self.initiation_set.load_state_dict(state["initiation_set"])
-        self.termination_set.load_state_dict(state["termination_set"])
+        self.load_network_state({name: values for name, values in state.items() if name != "sets"})
+        self.initiation_set.load_state_dict(state["sets"]["initiation_set"])
+        self.termination_set.load_state_dict(state["sets"]["termination_set"])
 
     def save(self, path: str | Path, **record: Any) -> None:
         """Writes the skill, and beside it plain values that say what it is."""
-        built = {"settings": asdict(self.settings), "geometry": checkpoint.to_plain(self.geometry)}
-        built |= {"capacity": self.initiation_set.capacity, "obs_dim": self.obs_dim}
-        record = {"task": self.task, "subtask": self.subtask, "built": built, **record}
-        checkpoint.save(path, {"skill": self}, record)
+        built = {
+            "settings": asdict(self.settings),
+            "obs_dim": self.obs_dim,
+            "geometry": checkpoint.to_plain(self.geometry),
+            "capacity": self.initiation_set.capacity,
+        }
+        checkpoint.save(
+            path, {"skill": self}, {"task": self.task, "subtask": self.subtask, "built": built, **record}
+        )
 
     @classmethod
     def load(cls, path: str | Path, **expected: Any) -> "Skill":
@@ -154,7 +186,7 @@ class Skill:
             NetworkSettings(**checkpoint.to_tuples(built["settings"])),
             checkpoint.to_tensors(built["geometry"]),
             built["capacity"],
-            built.get("obs_dim", FIVE_PARTS),
+            built["obs_dim"],
         )
         checkpoint.load(path, {"skill": skill}, **expected)
         return skill

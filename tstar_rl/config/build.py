@@ -1,6 +1,6 @@
 """From a checked config to the objects of a run."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -9,11 +9,14 @@ import torch
 from omegaconf import DictConfig
 from torch import nn
 
+from torchrl.envs import TransformedEnv
+
 from tstar_rl.chaining.skill import NetworkSettings, Skill
+from tstar_rl.chaining.training import SkillTraining, TrainingSettings
 from tstar_rl.config.load import plain, settings
 from tstar_rl.demonstrations.data_set import Demonstrations
 from tstar_rl.demonstrations.file_check import KINDS, DemonstrationError
-from tstar_rl.models.networks import set_action_std
+from tstar_rl.models.exploration import Exploration
 from tstar_rl.rollouts.cluster import ClusterSettings
 from tstar_rl.rollouts.collection import Collection, with_starts
 from tstar_rl.rollouts.ray_collection import RayCollection
@@ -21,24 +24,22 @@ from tstar_rl.rollouts.starts import make_starts
 from tstar_rl.rollouts.state_sets import TerminationSet
 from tstar_rl.runs import checkpoint
 from tstar_rl.runs.checkpoint import differences
-from tstar_rl.runs.run_folder import run_path
+from tstar_rl.runs.run import Run
 from tstar_rl.seeds import derive_seed
 from tstar_rl.spirl.agent import SkillAgent
 from tstar_rl.spirl.skill_model import SkillModelSettings
+from tstar_rl.updates import BehaviourCloningSettings, PPOSettings
 
 __all__ = [
-    "chain_length",
-    "chain_trial_environment",
     "demonstrations_path",
     "environment",
-    "explore",
     "load_demonstrations",
     "load_skill",
-    "load_skills",
     "make_collection",
     "new_skill",
     "new_skill_agent",
-    "trial_environment",
+    "skill_training",
+    "training_settings",
 ]
 
 
@@ -51,11 +52,19 @@ def environment(
     snapshots: bool = False,
     shares: Mapping[str, float] | None = None,
     **overrides: Any,
-) -> Any:
-    """The furniture environment of a config with the transforms of training; overrides are settings of the task.
+) -> TransformedEnv:
+    """The furniture environment of a config with the transforms of training.
 
-    `before` is the termination set of the skill before, if there is one: episodes then begin in the `shares` of
-    chain.starts, or in those given.
+    Args:
+        config: its sections task, env and chain.starts are read.
+        subtask: 0-based; None is the whole task.
+        num_envs: simulations N.
+        seed: of start noise, and of the draws of starts.
+        before: termination set of the skill before, if there is one: episodes then begin in the shares of
+            chain.starts, or in `shares`.
+        snapshots: whether each step has one.
+        shares: of the sources of starts, by name.
+        **overrides: settings of the task.
     """
     from tstar_rl.env.furniture_env import FurnitureEnv
 
@@ -67,36 +76,9 @@ def environment(
     return with_starts(env, *make_starts(shares or plain(config.chain.starts), env, before), seed)
 
 
-def trial_environment(config: DictConfig, skills: Sequence[Skill], trial: int, index: int) -> Any:
-    """Where the skill of subtask `index` is tried: from where the chain before it arrives, and 20% its own starts.
-
-    The seeds of each `trial` are its own, and no evaluation's.
-    """
-    chain, own = config.chain, config.chain.trial_environment_share
-    return environment(
-        config,
-        index,
-        chain.trial_episodes,
-        derive_seed(config.seed, "validate", trial, index),
-        skills[index - 1].termination_set if index else None,
-        snapshots=True,
-        shares={"environment": own, "buffer": 1.0 - own},
-        max_steps=chain.trial_max_steps,
-    )
-
-
-def chain_trial_environment(config: DictConfig) -> Any:
-    """Where the whole chain is tried, always from the same starts, to tell the best turn of a run.
-
-    Their seed is no evaluation's, and no other trial's.
-    """
-    chain, seed = config.chain, derive_seed(config.seed, "validate", None, None)
-    return environment(config, None, chain.whole_trial_episodes, seed, max_steps=chain.trial_max_steps)
-
-
 def new_skill(config: DictConfig, subtask: int | None) -> Skill:
     """An untrained skill, its weights drawn with the run's seed."""
-    from tstar_rl.env.furniture_env import observation_dim
+    from tstar_rl.env.furniture_env import observation_dim, subtask_geometry
 
     networks = settings(NetworkSettings, config.networks)
     features = None
@@ -105,7 +87,7 @@ def new_skill(config: DictConfig, subtask: int | None) -> Skill:
             raise ValueError(
                 "networks.features needs one subtask: set subtask=0.. or networks.features=false"
             )
-        features = environment(config, subtask, 1, 0).base_env.features(subtask)
+        features = subtask_geometry(config.task.name, subtask)
     torch.manual_seed(derive_seed(config.seed, "networks", subtask))
     name, capacity = config.task.name, config.chain.capacity
     skill = Skill(name, subtask, networks, features, capacity, observation_dim(name))
@@ -114,13 +96,13 @@ def new_skill(config: DictConfig, subtask: int | None) -> Skill:
 
 def new_skill_agent(config: DictConfig, subtask: int | None) -> SkillAgent:
     """An untrained agent of SPiRL, its weights drawn with the run's seed."""
-    from tstar_rl.env.furniture_env import observation_dim
+    from tstar_rl.env.furniture_env import observation_dim, subtask_geometry
 
     geometry = None
     if config.networks.features:
         if subtask is None:
             raise ValueError("networks.features of SPiRL needs one subtask: set subtask=0..")
-        geometry = environment(config, subtask, 1, 0).base_env.features(subtask)
+        geometry = subtask_geometry(config.task.name, subtask)
     torch.manual_seed(derive_seed(config.seed, "networks", subtask))
     model = settings(SkillModelSettings, config.spirl.model)
     name, hidden = config.task.name, tuple(config.spirl.critic_hidden)
@@ -151,40 +133,6 @@ def load_demonstrations(config: DictConfig, subtask: int | None) -> Demonstratio
     if wrong:
         raise DemonstrationError(f"{path}: field arguments: {'; '.join(wrong)}; delete it to make it again")
     return found.to(config.device)
-
-
-def chain_length(config: DictConfig) -> int:
-    """How many skills are chained: chain.links, or all of the task's.
-
-    Raises:
-        ValueError: if there cannot be so many.
-    """
-    subtasks, links = config.task.subtasks, config.chain.links
-    if links is not None and not 2 <= links <= subtasks:
-        raise ValueError(f"chain.links must be null or in 2..{subtasks} for {config.task.name}, got {links}")
-    return links or subtasks
-
-
-def load_skills(config: DictConfig, checkpoint: str = "last") -> list[Skill]:
-    """The skills of the system config.skills that a chaining recipe starts from, in order."""
-    return [
-        Skill.load(
-            run_path(config.runs_dir, config.task.name, config.skills, config.seed, index) / checkpoint,
-            task=config.task.name,
-            subtask=index,
-        ).to(config.device)
-        for index in range(chain_length(config))
-    ]
-
-
-def explore(skill: Skill, config: DictConfig, progress: float) -> None:
-    """Sets the deviation of exploration at `progress` in [0, 1], where it follows a schedule."""
-    schedule = config.exploration
-    if schedule is None or skill.settings.std != "fixed":
-        return
-    arm = schedule.arm[0] + progress * (schedule.arm[1] - schedule.arm[0])
-    hand = schedule.hand[0] + progress * (schedule.hand[1] - schedule.hand[0])
-    set_action_std(skill.policy, [arm] * 7 + [hand] * 2)
 
 
 def load_skill(path: str | Path, **expected: Any) -> Skill | SkillAgent:
@@ -222,3 +170,35 @@ def make_collection(
         return Collection(make(training.num_envs, seed, before), policy, training.horizon)
     sizes = (training.num_envs, training.horizon, config.collection.workers)
     return RayCollection(make, policy, *sizes, seed, before, settings(ClusterSettings, config.cluster))
+
+
+def training_settings(config: DictConfig, **ppo: Any) -> TrainingSettings:
+    """What is done to a skill in training; `ppo` are values that stand in the place of the section's."""
+    exploration, normalizer = config.exploration, config.normalizer
+    return TrainingSettings(
+        ppo=settings(PPOSettings, {**config.ppo, **ppo}),
+        exploration=None if exploration is None else settings(Exploration, exploration),
+        running_normalizer=normalizer.running,
+        normalizer_floor=normalizer.floor,
+    )
+
+
+def skill_training(config: DictConfig) -> SkillTraining:
+    """The training of the skill of config.subtask, or of one policy of the whole task."""
+    subtask, steps = config.subtask, config.training.total_steps
+    run = Run(plain(config), subtask, steps)
+    seed = derive_seed(config.seed, "train", subtask)
+    skill = new_skill(config, subtask)
+    expert = load_demonstrations(config, subtask)
+    skill.normalizer.fit(expert.observations, config.normalizer.floor)
+
+    def save(name: str, env_steps: int) -> None:
+        skill.save(run.work / name, recipe=config.system, env_steps=env_steps)
+
+    collection = make_collection(config, skill.policy, subtask, seed)
+    return SkillTraining(
+        skill, expert, run, training_settings(config), collection, seed,
+        warm_start=settings(BehaviourCloningSettings, config.bc) if config.warm_start else None,
+        checkpoint_every=config.training.checkpoint_every,
+        save=save,
+    )  # fmt: skip

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from tstar_rl.chaining.skill import NetworkSettings
+from tstar_rl.models.exploration import Exploration
 from tstar_rl.rollouts.cluster import ClusterSettings
 from tstar_rl.spirl.skill_model import SkillModelSettings
 from tstar_rl.spirl.train_skill_model import SkillModelTraining
@@ -49,14 +50,6 @@ class NormalizerSection:
 
 
 @dataclass(frozen=True)
-class ExplorationSection:
-    """Deviation of the actions at the start and at the end of a run."""
-
-    arm: tuple[float, float]
-    hand: tuple[float, float]
-
-
-@dataclass(frozen=True)
 class TrainingSection:
     """The budget of one policy."""
 
@@ -92,8 +85,7 @@ class ChainSection:
     logged_skill: int
     logged_states: int
     ppo: PPOSettings
-    gate: bool
-    gate_on: Literal["skill", "chain"]
+    gate: Literal["skill", "chain"] | None
     gate_margin: float
 
 
@@ -147,7 +139,7 @@ class Config:
     warm_start: bool
     normalizer: NormalizerSection
     networks: NetworkSettings
-    exploration: ExplorationSection | None
+    exploration: Exploration | None
     bc: BehaviourCloningSettings
     ppo: PPOSettings
     f_phi: DiscriminatorSettings

@@ -20,6 +20,7 @@ from tstar_envs.furniture import library
 from tstar_envs.settings import TaskSettings
 from tstar_envs.tasks.actions import NUM_ACTIONS
 from tstar_envs.tasks.phase_reward import PHASES
+from tstar_envs.tasks.recipe_tables import RecipeTables
 from tstar_rl.env.layout import observation_size
 from tstar_rl.env.specs import spec_of
 
@@ -38,6 +39,32 @@ def check_task(name: str, subtasks: int, settings: Mapping[str, Any]) -> None:
 def observation_dim(task: str) -> int:
     """Numbers in an observation of a task."""
     return observation_size(len(library.load(task).parts))
+
+
+def subtask_geometry(task: str, subtask: int) -> dict[str, Any]:
+    """What `RelativeFeatures` needs to know of a subtask: part indices, connectors, grasp. Builds no simulator.
+
+    Raises:
+        ValueError: if the task has no such subtask.
+    """
+    furniture = library.load(task)
+    if not 0 <= subtask < len(furniture.steps):
+        raise ValueError(f"subtask of {task} must be in 0..{len(furniture.steps) - 1}, got {subtask}")
+    return _geometry(RecipeTables(furniture, torch.device("cpu")), subtask)
+
+
+def _geometry(tables: RecipeTables, subtask: int) -> dict[str, Any]:
+    def figures(table: Tensor) -> Tensor:
+        return table[subtask].float().cpu()  # a network is built there, and moved afterwards
+
+    return {
+        "moving_part": int(tables.moving[subtask]),
+        "target_part": int(tables.target[subtask]),
+        "moving_connector": figures(tables.moving_connector),
+        "target_connector": figures(tables.target_connector),
+        "grasp": torch.cat([figures(tables.grasp_point), geometry.frame_with_x(figures(tables.grasp_axis))]),
+        "allowed_angles": figures(tables.allowed_angles),
+    }
 
 
 class FurnitureEnv(EnvBase):
@@ -128,22 +155,8 @@ class FurnitureEnv(EnvBase):
         return self.world.with_qpos(snapshot, qpos)
 
     def features(self, subtask: int) -> dict[str, Any]:
-        """What `features.RelativeFeatures` needs to know of a subtask: part indices, connectors, grasp."""
-        tables = self.world.task.tables
-
-        def figures(table: Tensor) -> Tensor:
-            return table[subtask].float().cpu()  # a network is built there, and moved afterwards
-
-        return {
-            "moving_part": int(tables.moving[subtask]),
-            "target_part": int(tables.target[subtask]),
-            "moving_connector": figures(tables.moving_connector),
-            "target_connector": figures(tables.target_connector),
-            "grasp": torch.cat(
-                [figures(tables.grasp_point), geometry.frame_with_x(figures(tables.grasp_axis))]
-            ),
-            "allowed_angles": figures(tables.allowed_angles),
-        }
+        """See `subtask_geometry`."""
+        return _geometry(self.world.task.tables, subtask)
 
     def write_mp4(self, path: str | Path, positions: Tensor) -> bool:
         """Films joint positions (T, nq); False, after one warning, where nothing can draw."""

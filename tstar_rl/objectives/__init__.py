@@ -1,6 +1,5 @@
-"""The losses of the discriminators, as TorchRL loss modules."""
+"""Losses as TorchRL loss modules."""
 
-from tstar_rl.objectives.discriminator import GAILDiscriminatorLoss
-from tstar_rl.objectives.initiation_set import InitiationSetLoss
+from tstar_rl.objectives.discriminator import DiscriminatorLoss
 
-__all__ = ["GAILDiscriminatorLoss", "InitiationSetLoss"]
+__all__ = ["DiscriminatorLoss"]

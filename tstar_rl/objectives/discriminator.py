@@ -1,76 +1,82 @@
-"""The loss of f_phi."""
+"""The loss of a discriminator: f_phi, d_omega, or any other network that scores states of two kinds."""
 
-from dataclasses import dataclass
-from typing import ClassVar
+from collections.abc import Mapping
 
 import torch
 from tensordict import TensorDict, TensorDictBase
-from tensordict.utils import NestedKey
 from torch import Tensor
 from torchrl.objectives import LossModule
 
-from tstar_rl.equations import gail_discriminator_loss, gradient_penalty
+from tstar_rl.equations import gradient_penalty, least_squares_loss
 from tstar_rl.models.networks import Discriminator
 
+__all__ = ["DiscriminatorLoss"]
 
-class GAILDiscriminatorLoss(LossModule):
-    """Least squares with labels +1 (expert) and -1 (agent), and a gradient penalty at the expert's states.
+
+class DiscriminatorLoss(LossModule):
+    """Least squares towards a label for each of two kinds of states, and a gradient penalty at the first kind.
+
+    Reads "<kind>_observation" (batch, O) of both kinds. Writes "loss_discriminator", "loss_gradient_penalty" and the
+    mean scores "<kind>_score". The loss is the sum of the entries whose names begin with "loss_".
 
     The gradient is taken with respect to the *normalised* observation: with respect to the raw one it would weigh a
-    dimension by how little it varies. The loss is the sum of the entries whose names begin with "loss_".
+    dimension by how little it varies.
 
     Args:
-        network: f_phi, trained through this module's parameters and read by `GAILReward`.
+        network: trained through this module's parameters; a reward transform reads it.
+        labels: what the network should say of each kind, for example expert=1, agent=-1 for f_phi, or initiation=1,
+            termination=0 for d_omega. The gradient penalty is taken at the first.
         gradient_penalty_weight: 0 leaves the penalty out.
 
-    Source: the paper, text below eq. 1; AMP eq. 8; weight 10 from AMP.
+    Raises:
+        ValueError: if there are not two labels, or the weight is negative.
+
+    Source: the paper, text below eq. 1 (f_phi) and L_i(omega) in section 3.3 (d_omega); AMP eq. 8 and its weight 10,
+    which the code released with the paper uses for both.
     """
 
-    @dataclass
-    class _AcceptedKeys:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Keys of the input: both (batch, O)."""
-
-        observation: NestedKey = "observation"
-        expert_observation: NestedKey = "expert_observation"
-
-    default_keys = _AcceptedKeys
-    tensor_keys: _AcceptedKeys  # pyright: ignore[reportIncompatibleMethodOverride]
-    out_keys: ClassVar[list[str]] = [  # pyright: ignore[reportIncompatibleMethodOverride]
-        "loss_discriminator",
-        "loss_gradient_penalty",
-        "expert_score",
-        "agent_score",
-    ]
-
-    def __init__(self, network: Discriminator, gradient_penalty_weight: float = 10.0) -> None:
+    def __init__(
+        self, network: Discriminator, labels: Mapping[str, float], gradient_penalty_weight: float = 10.0
+    ) -> None:
         super().__init__()
+        if len(labels) != 2:
+            raise ValueError(f"a discriminator needs labels of two kinds of states, got {dict(labels)}")
         if gradient_penalty_weight < 0:
             raise ValueError(f"gradient_penalty_weight must not be negative, got {gradient_penalty_weight}")
         self.network = network
+        self.labels = dict(labels)
         self.gradient_penalty_weight = gradient_penalty_weight
+        self.in_keys = [f"{kind}_observation" for kind in self.labels]
+        self.out_keys = [
+            "loss_discriminator",
+            "loss_gradient_penalty",
+            *(f"{kind}_score" for kind in self.labels),
+        ]
 
     def _forward_value_estimator_keys(self, **kwargs) -> None:
         pass
 
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
-        """tensordict: "observation" and "expert_observation" (batch, O) -> losses and mean scores, scalars."""
-        expert = self.network.normalize(tensordict.get(self.tensor_keys.expert_observation)).detach()
-        f_agent = self.network(tensordict.get(self.tensor_keys.observation))
-        f_expert, penalty = score_and_penalty(self.network, expert, self.gradient_penalty_weight)
-        losses = {
-            "loss_discriminator": gail_discriminator_loss(f_expert, f_agent),
-            "loss_gradient_penalty": penalty,
-            "expert_score": f_expert.detach().mean(),
-            "agent_score": f_agent.detach().mean(),
-        }
-        return TensorDict(losses)
+        """tensordict: "<kind>_observation" (batch, O) of both kinds -> losses and mean scores, scalars."""
+        (first, first_label), (second, second_label) = self.labels.items()
+        second_scores = self.network(tensordict.get(f"{second}_observation"))
+        normalized = self.network.normalize(tensordict.get(f"{first}_observation")).detach()
+        first_scores, penalty = self._score_and_penalty(normalized)
+        loss = least_squares_loss(first_scores, first_label) + least_squares_loss(second_scores, second_label)
+        return TensorDict(
+            {
+                "loss_discriminator": loss,
+                "loss_gradient_penalty": penalty,
+                f"{first}_score": first_scores.detach().mean(),
+                f"{second}_score": second_scores.detach().mean(),
+            }
+        )
 
-
-def score_and_penalty(network: Discriminator, normalized: Tensor, weight: float) -> tuple[Tensor, Tensor]:
-    """normalized: (batch, D) -> raw scores (batch, 1) and the weighted gradient penalty there, a scalar."""
-    if not weight:
-        return network.score(normalized), normalized.new_zeros(())
-    normalized = normalized.requires_grad_()
-    scores = network.score(normalized)
-    (grad,) = torch.autograd.grad(scores.sum(), normalized, create_graph=True)
-    return scores, weight * gradient_penalty(grad)
+    def _score_and_penalty(self, normalized: Tensor) -> tuple[Tensor, Tensor]:
+        """normalized: (batch, O) -> raw scores (batch, 1) and the weighted gradient penalty there, a scalar."""
+        if not self.gradient_penalty_weight:
+            return self.network.score(normalized), normalized.new_zeros(())
+        normalized = normalized.requires_grad_()
+        scores = self.network.score(normalized)
+        (grad,) = torch.autograd.grad(scores.sum(), normalized, create_graph=True)
+        return scores, self.gradient_penalty_weight * gradient_penalty(grad)

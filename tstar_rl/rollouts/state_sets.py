@@ -30,12 +30,23 @@ class StateSet:
         if capacity < 1:
             raise ValueError(f"capacity must be at least 1, got {capacity}")
         self.capacity, self.device = capacity, torch.device(device)
-        self._clear()
+        self.changes = 0
+        """How often the set has changed since it was made; whoever derives something from it can tell."""
+        self.clear()
 
-    def _clear(self) -> None:
+    def clear(self) -> None:
+        """Removes all states, in place: whoever holds the set sees it empty."""
         storage = LazyTensorStorage(self.capacity, device=self.device)
         self.buffer = TensorDictReplayBuffer(storage=storage, batch_size=1)
         self.added = 0
+        self.changes += 1
+
+    def to(self, device: torch.device | str) -> "StateSet":
+        """Moves the states to a device, in place; returns the set."""
+        state = self.state_dict()
+        self.device = torch.device(device)
+        self.load_state_dict(state)
+        return self
 
     def __len__(self) -> int:
         return len(self.buffer)
@@ -46,11 +57,16 @@ class StateSet:
         if count:
             self.buffer.extend(rows[-self.capacity :].clone().to(self.device))
             self.added += count
+            self.changes += 1
         return count
 
     def all(self) -> TensorDictBase:
         """Every state, batch size [len(self)], in the order of the ring's slots."""
         return self.buffer[:].clone() if len(self) else TensorDict(batch_size=[0])
+
+    def observations(self) -> Tensor:
+        """The observations of all states, (n, O); (0, 1) from an empty set, which does not know O."""
+        return self.buffer[:]["observation"] if len(self) else torch.zeros(0, 1, device=self.device)
 
     def sample(self, n: int, generator: torch.Generator) -> TensorDictBase:
         """n states drawn uniformly with replacement, batch size [n]; [0] from an empty set."""
@@ -77,7 +93,7 @@ class StateSet:
         count = int(state["count"])
         if count > self.capacity:
             raise ValueError(f"the saved set has {count} states, but this one's capacity is {self.capacity}")
-        self._clear()
+        self.clear()
         if count:
             self.buffer.extend(TensorDict(state["rows"], batch_size=[count], device=self.device))
         self.buffer.writer.load_state_dict(dict(state["writer"]))
@@ -161,13 +177,13 @@ class TerminalGaussian:
         covariance = deviation.T @ deviation / max(len(qpos) - 1, 1)
         values, vectors = torch.linalg.eigh(covariance)
         self.factor = vectors * values.clamp_min(0.0).sqrt()
-        self._fitted_at = self.termination_set.added
+        self._fitted_at = self.termination_set.changes
 
     def sample(self, n: int, generator: torch.Generator) -> TensorDictBase:
         """n snapshots, batch size [n]; [0] while the termination set is empty."""
         if not len(self.termination_set):
             return TensorDict(batch_size=[0])
-        if self._fitted_at != self.termination_set.added:
+        if self._fitted_at != self.termination_set.changes:
             self.fit()
         snapshot = self.termination_set.sample(n, generator)["snapshot"].clone()
         waiting = torch.arange(n)

@@ -2,7 +2,8 @@
 
 from tstar_rl.transforms.episode_start import EpisodeStart
 from tstar_rl.transforms.gail_reward import GAILReward
-from tstar_rl.transforms.reward_mixture import RewardMixture
+from tstar_rl.transforms.reward_mixture import RewardMixture, weighted
+from tstar_rl.transforms.reward_transform import RewardTransform
 from tstar_rl.transforms.skill_chain_reset import SkillChainReset
 from tstar_rl.transforms.terminal_state_reward import ConstantBonus, TerminalStateReward
 
@@ -11,6 +12,8 @@ __all__ = [
     "EpisodeStart",
     "GAILReward",
     "RewardMixture",
+    "RewardTransform",
     "SkillChainReset",
     "TerminalStateReward",
+    "weighted",
 ]

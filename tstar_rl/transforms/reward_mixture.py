@@ -1,51 +1,55 @@
 """The one place that knows how the rewards are weighed."""
 
 import math
+from collections.abc import Mapping
 
 from tensordict import TensorDictBase
 from torch import Tensor
+from torchrl.envs import Compose
 
-from tstar_rl.equations import mixed_reward
+from tstar_rl.equations import weighted_reward
 from tstar_rl.transforms.reward_transform import RewardTransform
+
+__all__ = ["RewardMixture", "weighted"]
 
 
 class RewardMixture(RewardTransform):
-    """("next", "reward"): reward_scale (lambda_1 r_env + lambda_2 r_gail + lambda_3 r_tsr), each r times its scale.
+    """("next", "reward"): reward_scale times the sum over terms of weight times scale times ("next", "reward_<term>").
 
-    Rewards of weight zero are not read, so they need not be there. The paper does not say whether its reward scale
-    applies to all three terms. With the scales at 1 it does. The code released with it scales the environment's reward
-    alone, and adds the terminal reward to that before lambda_1: gail_scale=20, tsr_scale=0.5.
+    The paper's terms are env, gail and tsr; their weights are lambda_1, lambda_2 and lambda_3. Any other transform that
+    writes "reward_<term>" is a term too. Terms of weight zero are not read, so they need not be there.
+
+    The paper does not say whether its reward scale applies to all three terms. With the scales at 1 it does. The code
+    released with it scales the environment's reward alone, and adds the terminal reward to that before lambda_1:
+    scales={gail: 20, tsr: 0.5}.
 
     Args:
-        lambda_1: weight of ("next", "reward_env").
-        lambda_2: weight of ("next", "reward_gail").
-        lambda_3: weight of ("next", "reward_tsr").
+        weights: of each term.
         reward_scale: multiplies the sum.
-        env_scale: multiplies r_env, so that a departure from the paper does not hide in a lambda; so do
-        gail_scale: (r_gail) and
-        tsr_scale: (r_tsr).
+        scales: of terms, 1 where none is given, so that a departure from the paper does not hide in a lambda.
 
     Raises:
-        ValueError: if a number is not finite, or every weight is zero.
+        ValueError: if a number is not finite, every weight is zero, or a scale is of a term that has no weight.
 
     Source: the paper, eq. 1 and 3; reward scale from its Table 2.
     """
 
     def __init__(
         self,
-        lambda_1: float = 0.5,
-        lambda_2: float = 0.5,
-        lambda_3: float = 0.0,
+        weights: dict[str, float] | None = None,
         reward_scale: float = 0.05,
-        env_scale: float = 1.0,
-        gail_scale: float = 1.0,
-        tsr_scale: float = 1.0,
+        scales: dict[str, float] | None = None,
     ) -> None:
         super().__init__("reward")
-        self.lambdas = (lambda_1, lambda_2, lambda_3)
-        self.scales = (env_scale, gail_scale, tsr_scale)
-        self.reward_scale = reward_scale
-        numbers = (*self.lambdas, *self.scales, reward_scale)
+        self.weights = {"env": 0.5, "gail": 0.5} if weights is None else dict(weights)
+        self.scales, self.reward_scale = dict(scales or {}), reward_scale
+        unknown = [term for term in self.scales if term not in self.weights]
+        if unknown:
+            raise ValueError(
+                f"reward.scales has {', '.join(unknown)}, which reward.weights has not; "
+                f"it has {', '.join(self.weights)}"
+            )
+        numbers = (*self.weights.values(), *self.scales.values(), reward_scale)
         if not all(math.isfinite(number) for number in numbers):
             raise ValueError(f"weights and scales must be finite, got {numbers}")
         if not any(self.effective_weights().values()):
@@ -54,23 +58,39 @@ class RewardMixture(RewardTransform):
             )
 
     def effective_weights(self) -> dict[str, float]:
-        """What one unit of each reward adds to the reward that the policy sees."""
-        names = ("reward_env", "reward_gail", "reward_tsr")
+        """What one unit of each reward adds to the reward that the policy sees, by the reward's name."""
         return {
-            name: self.reward_scale * weight * scale
-            for name, weight, scale in zip(names, self.lambdas, self.scales, strict=True)
+            f"reward_{term}": self.reward_scale * weight * self.scales.get(term, 1.0)
+            for term, weight in self.weights.items()
         }
 
     def reward(self, current: TensorDictBase, following: TensorDictBase) -> Tensor:
         """(*batch, 1)."""
-        weights = self.effective_weights()
-        read = {name: self.read(following, name) for name, weight in weights.items() if weight}
-        nothing = next(iter(read.values())).new_zeros(())
-        r_env, r_gail, r_tsr = (read.get(name, nothing) for name in weights)
-        return mixed_reward(r_env, r_gail, r_tsr, *weights.values())
+        weights = {name: weight for name, weight in self.effective_weights().items() if weight}
+        return weighted_reward([self.read(following, name) for name in weights], list(weights.values()))
 
     def __repr__(self) -> str:
         terms = " + ".join(
             f"{weight:g} {name}" for name, weight in self.effective_weights().items() if weight
         )
         return f"RewardMixture(reward = {terms})"
+
+
+def weighted(mixture: RewardMixture, terms: Mapping[str, RewardTransform]) -> Compose:
+    """The transforms of some terms, and the mixture of these terms and the environment's reward.
+
+    Args:
+        mixture: its weights of terms that are not there (the terminal reward of the last skill) do not count.
+        terms: each writes ("next", "reward_<its name>").
+
+    Raises:
+        ValueError: if a term has no weight.
+    """
+    for term in terms:
+        if term not in mixture.weights:
+            raise ValueError(
+                f"reward.weights has no {term}; it has {', '.join(mixture.weights)}: give it a weight there"
+            )
+    kept = {term: weight for term, weight in mixture.weights.items() if term == "env" or term in terms}
+    scales = {term: scale for term, scale in mixture.scales.items() if term in kept}
+    return Compose(*terms.values(), RewardMixture(kept, mixture.reward_scale, scales))

@@ -5,12 +5,7 @@ returns goes into the log. Its `state_dict` makes a run resumable.
 """
 
 from tstar_rl.updates.cloning import BehaviourCloningSettings, behaviour_cloning
-from tstar_rl.updates.discriminator import (
-    DiscriminatorSettings,
-    DiscriminatorUpdate,
-    make_d_omega_update,
-    make_f_phi_update,
-)
+from tstar_rl.updates.discriminator import DiscriminatorSettings, DiscriminatorUpdate
 from tstar_rl.updates.ppo import PolicyUpdate, PPOSettings
 
 __all__ = [
@@ -20,6 +15,4 @@ __all__ = [
     "PPOSettings",
     "PolicyUpdate",
     "behaviour_cloning",
-    "make_d_omega_update",
-    "make_f_phi_update",
 ]

@@ -1,0 +1,157 @@
+"""A skill in training: what every recipe needs beside its algorithm.
+
+A recipe makes its updates and loops over `rollouts()`. Everything else happens between two rollouts: exploration, the
+normaliser, the log, the best so far, checkpoints, going on after a kill.
+
+
+    for rollout in training.rollouts():
+        log = update_policy(reward(rollout), training.progress)
+        training.log(rollout, log)
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from tensordict import TensorDictBase
+
+from tstar_rl.chaining.skill import Skill
+from tstar_rl.demonstrations.data_set import Demonstrations
+from tstar_rl.models.exploration import Exploration
+from tstar_rl.rollouts.collection import Collection, rollout_metrics
+from tstar_rl.rollouts.ray_collection import RayCollection
+from tstar_rl.runs.run import Run
+from tstar_rl.updates import (
+    BehaviourCloningSettings,
+    DiscriminatorSettings,
+    DiscriminatorUpdate,
+    PolicyUpdate,
+    PPOSettings,
+    behaviour_cloning,
+)
+
+__all__ = ["SkillTraining", "Training", "TrainingSettings"]
+
+
+@dataclass(frozen=True)
+class TrainingSettings:
+    """What is done to a skill in training, whichever recipe trains it."""
+
+    ppo: PPOSettings
+    exploration: Exploration | None
+    """None: the deviation is left alone."""
+    running_normalizer: bool
+    normalizer_floor: float
+
+
+class Training:
+    """One skill, its rollouts and its updates.
+
+    Args:
+        skill: trained in place.
+        expert: demonstrations of its subtask.
+        run: log and checkpoints.
+        settings: see `TrainingSettings`.
+        collection: makes rollouts with the skill's policy.
+        seed: of the updates.
+    """
+
+    def __init__(
+        self,
+        skill: Skill,
+        expert: Demonstrations,
+        run: Run,
+        settings: TrainingSettings,
+        collection: Collection | RayCollection,
+        seed: int,
+    ) -> None:
+        self.skill, self.expert, self.run, self.settings = skill, expert, run, settings
+        self.collection, self.seed, self.steps = collection, seed, run.env_steps
+        self.updates: dict[str, DiscriminatorUpdate | PolicyUpdate] = {}
+        self._row: dict[str, Any] | None = None
+
+    @property
+    def progress(self) -> float:
+        """The share of the run's steps that has been collected, in [0, 1]."""
+        return self.steps / self.run.total
+
+    def discriminator_update(
+        self, name: str, skill: Skill, settings: DiscriminatorSettings, **labels: float
+    ) -> DiscriminatorUpdate:
+        """The update of a skill's network `name`, which is to say `labels` of two kinds of states."""
+        update = DiscriminatorUpdate(name, skill.network(name), labels, settings, self.seed)
+        self.updates[f"update_{name}"] = update
+        return update
+
+    def policy_update(self) -> PolicyUpdate:
+        """PPO of the skill's policy and value network."""
+        skill = self.skill
+        update = PolicyUpdate(skill.policy, skill.value, self.settings.ppo, skill.return_scale, self.seed)
+        self.updates["update_policy"] = update
+        return update
+
+    def log(self, rollout: TensorDictBase, log: Mapping[str, Any]) -> None:
+        """Notes what the recipe has found of this rollout; the row is written before the next one."""
+        self._row = {**rollout_metrics(rollout), **log, **self.collection.counts()}
+
+    def _collect(self, progress: float) -> TensorDictBase:
+        """The next rollout, with the exploration of `progress`."""
+        if self.settings.exploration is not None and self.skill.settings.std == "fixed":
+            self.settings.exploration.apply(self.skill.policy, progress)
+        rollout = self.collection.rollout()
+        self.steps += rollout.numel()
+        return rollout
+
+    def _finish_rollout(self, rollout: TensorDictBase) -> dict[str, Any]:
+        """Updates the normaliser; returns the row that the recipe logged.
+
+        Raises:
+            RuntimeError: if it logged none.
+        """
+        if self._row is None:
+            raise RuntimeError("a recipe must call log(rollout, ...) for every rollout: the last one was not")
+        if self.settings.running_normalizer:
+            self.skill.normalizer.update(rollout["observation"], self.settings.normalizer_floor)
+        row, self._row = self._row, None
+        return row
+
+
+class SkillTraining(Training):
+    """The training of one skill from nothing, or from a warm start.
+
+    Args:
+        warm_start: clones the demonstrations first; None: no warm start.
+        checkpoint_every: environment steps between checkpoints.
+        save_best: called when the policy is the best so far, and
+        save_last: at the end.
+    """
+
+    def __init__(
+        self,
+        *training: Any,
+        warm_start: BehaviourCloningSettings | None,
+        checkpoint_every: int,
+        save: Callable[[str, int], None],
+    ) -> None:
+        super().__init__(*training)
+        self.warm_start, self.checkpoint_every, self.save = warm_start, checkpoint_every, save
+
+    def rollouts(self) -> Iterator[TensorDictBase]:
+        """Rollouts (N, T) until the run's steps are done; goes on from a checkpoint if there is one."""
+        run, skill = self.run, self.skill
+        self.steps = run.start(skill=skill, collection=self.collection, **self.updates)
+        if self.steps == 0 and self.warm_start is not None:
+            expert = self.expert
+            behaviour_cloning(skill.policy, expert.observations, expert.actions, self.warm_start, self.seed)
+            torch.manual_seed(self.seed)
+        while self.steps < run.total:
+            rollout = self._collect(self.progress)
+            yield rollout
+            run.log(self.steps, **self._finish_rollout(rollout))
+            if run.improved:
+                self.save("best", self.steps)
+            run.save_if_due(self.checkpoint_every)
+        self.collection.close()
+        self.save("last", self.steps)
+        run.finish()

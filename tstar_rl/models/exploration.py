@@ -1,0 +1,24 @@
+"""The deviation of a policy's actions over a run, where it follows a schedule."""
+
+from dataclasses import dataclass
+
+from torch import nn
+
+from tstar_rl.models.networks import set_action_std
+
+__all__ = ["Exploration"]
+
+
+@dataclass(frozen=True)
+class Exploration:
+    """Deviations at the start and at the end of a run, linear in between; for a policy with std="fixed"."""
+
+    arm: tuple[float, float]
+    """Of the seven joint velocities."""
+    hand: tuple[float, float]
+    """Of the gripper and connect actions."""
+
+    def apply(self, policy: nn.Module, progress: float) -> None:
+        """Sets the deviation of a policy at `progress` in [0, 1]."""
+        arm, hand = (first + progress * (last - first) for first, last in (self.arm, self.hand))
+        set_action_std(policy, [arm] * 7 + [hand] * 2)
