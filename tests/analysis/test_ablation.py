@@ -1,6 +1,5 @@
 """Ablations: what their files say, what is run of them, and the figures that are made of their tables."""
 
-import math
 import os
 import subprocess
 import sys
@@ -12,9 +11,8 @@ import torch
 from hydra import compose, initialize_config_dir
 from hydra.errors import MissingConfigException
 
-from tstar_rl.analysis import ablation, ablation_plots
-from tstar_rl.analysis.ablation import SKILLS
-from tstar_rl.analysis.ablation_plots import ablation_finding, ablation_table, load_ablation
+from tstar_rl.analysis import ablation_figure, ablation_finding, ablation_table, load_ablation, variants
+from tstar_rl.analysis.variants import SKILLS
 from tstar_rl.config.chain import chain_length
 from tstar_rl.config.load import CONFIGS
 from tstar_rl.launch import side_by_side
@@ -23,7 +21,7 @@ from tstar_rl.rollouts.starts import check_shares
 from tstar_rl.runs.csv_tables import MetricsLog
 
 ROOT = Path(__file__).resolve().parents[2]
-VARIANTS = [variant for name in ablation.names() for variant in ablation.read(name).variants]
+VARIANTS = [variant for name in variants.names() for variant in variants.read(name).variants]
 TWO = {"reference": "a", "variants": [{"name": "a", "system": "tstar"}, {"name": "b", "system": "tstar"}]}
 
 
@@ -39,12 +37,12 @@ def test_every_variant_is_a_config_of_training_and_of_evaluation(variant):
 
 
 def test_the_same_run_is_made_once():
-    paper = ablation.read("lambda_3").variant("paper")
-    buffer = ablation.read("starts").variant("buffer")
-    assert paper.first() == buffer.first() == ablation.read("d_omega").variant("tstar")
-    assert ablation.read("d_omega").variant("no_bonus").first().overrides == ("reward.lambda_3=0.0",)
-    constant = ablation.read("d_omega").variant("constant")
-    assert constant.first() == constant and constant.source() == ablation.read("d_omega").variant("tstar")
+    paper = variants.read("lambda_3").variant("paper")
+    buffer = variants.read("starts").variant("buffer")
+    assert paper.first() == buffer.first() == variants.read("d_omega").variant("tstar")
+    assert variants.read("d_omega").variant("no_bonus").first().overrides == ("reward.weights.tsr=0.0",)
+    constant = variants.read("d_omega").variant("constant")
+    assert constant.first() == constant and constant.source() == variants.read("d_omega").variant("tstar")
     firsts = {variant.first() for variant in VARIANTS}
     assert all(first.first() == first for first in firsts) and len(firsts) < len(VARIANTS)
 
@@ -64,7 +62,7 @@ def test_the_same_run_is_made_once():
 )
 def test_mistakes_in_a_file_are_named(change, message):
     with pytest.raises(ValueError, match=message):
-        ablation.parse("x", {**TWO, **change})
+        variants.parse("x", {**TWO, **change})
 
 
 def test_an_unknown_ablation_is_named():
@@ -74,7 +72,7 @@ def test_an_unknown_ablation_is_named():
     ):
         compose("recipe/ablate", ["ablation=lamda_3"])
     with pytest.raises(ValueError, match="no ablation 'lamda_3'.* there are d_omega, lambda_3, links"):
-        ablation.read("lamda_3")
+        variants.read("lamda_3")
 
 
 @pytest.mark.parametrize(
@@ -134,14 +132,6 @@ def test_a_mean_bonus_is_what_the_rollouts_paid(make_env, policy, tmp_path):
     assert abs(float(torch.stack([each.mean() for each in paid]).mean()) - mean) > 1e-3
 
 
-def test_deviation_of_progress_by_hand():
-    # Half of the episodes do 1 of 2 subtasks, half do both: progress 0.5 or 1, a deviation of 0.25.
-    assert ablation_plots.progress_deviation([1.0, 0.5]) == pytest.approx(0.25)
-    # One subtask done in 30%: sqrt(0.3 x 0.7).
-    assert ablation_plots.progress_deviation([0.3]) == pytest.approx(math.sqrt(0.21))
-    assert ablation_plots.progress_deviation([1.0, 1.0, 0.0]) == 0.0
-
-
 def tables(root: Path, **progress: list[float]) -> pd.DataFrame:
     """Of variants of `lambda_3`: one subtask's share, a number for each seed."""
     for variant, shares in progress.items():
@@ -154,29 +144,37 @@ def tables(root: Path, **progress: list[float]) -> pd.DataFrame:
     return load_ablation("lambda_3", root)
 
 
-def test_the_wider_interval_counts(tmp_path, capsys):
-    table = ablation_table(tables(tmp_path, zero=[0.5], paper=[0.4, 0.6], large=[0.5, 0.5])).loc["table_lack"]
-    # One seed, 100 episodes: 1.96 x sqrt(0.25 / 100). Two that differ by 0.2: t of 12.706 x 0.1 x sqrt(2) / sqrt(2).
-    assert table.loc["zero", "progress_high"] == pytest.approx(0.598)
-    assert table.loc["paper", "progress_low"] == 0.0 and table.loc["paper", "progress_high"] == 1.0
-    # Two that agree: episodes alone, 200 of them.
-    assert table.loc["large", "progress_high"] == pytest.approx(0.5 + 0.098 / math.sqrt(2))
+def test_the_table_has_the_interval_of_seeds_and_episodes(tmp_path, capsys):
+    rows = tables(tmp_path, zero=[0.5], paper=[0.4, 0.6], large=[0.5, 0.5])
+    table = ablation_table(rows).loc["table_lack"]
+    # One seed, 100 episodes: 1.96 x sqrt(0.25 / 100). Two seeds that agree: 200 episodes.
+    assert table.loc["zero", "progress_high"] == pytest.approx(0.598, abs=0.011)
+    assert table.loc["large", "progress_high"] == pytest.approx(0.5 + 0.098 / 2**0.5, abs=0.011)
+    # Two that differ are drawn too: both times the worse one with probability 1/4.
+    assert table.loc["paper", "progress_low"] < 0.40 and table.loc["paper", "progress"] == pytest.approx(0.5)
     assert list(table.index) == ["zero", "paper", "large"] and table.loc["paper", "episodes"] == 200
+    assert table.loc["paper", "subtask_0"] == pytest.approx(0.5)
     out = capsys.readouterr().out
     assert "No table yet of no_finetuning, small" in out and "recipes/ablate.py ablation=lambda_3" in out
 
 
 def test_the_finding_follows_the_table(tmp_path):
-    finding = ablation_finding(
-        tables(tmp_path, zero=[0.2, 0.25], small=[0.6], paper=[0.5, 0.55], large=[0.4, 0.8])
-    )
-    lines = finding.splitlines()
+    rows = tables(tmp_path, zero=[0.2, 0.25], small=[0.6], paper=[0.5, 0.55], large=[0.4, 0.8])
+    lines = ablation_finding(rows).splitlines()
     assert lines[0] == "table_lack, 2 seeds, differences in progress:"
-    # Seeds agree on -0.3: over episodes, 1.96 sqrt(0.16 + 0.1875 + 0.25 + 0.2475) / 20 = 0.090.
-    assert lines[1] == "  zero against paper: -0.300 +- 0.090, lower"
-    # On seed 0 alone: 1.96 sqrt(0.24 + 0.25) / 10.
-    assert lines[2] == "  small against paper: +0.100 +- 0.137, not told apart"
+    # Both seeds say -0.3, and 1.96 sqrt(0.16 + 0.1875 + 0.25 + 0.2475) / 20 = 0.090 is from episodes.
+    assert lines[1].startswith("  zero against paper: -0.300 [-0.") and lines[1].endswith(", lower")
+    # On seed 0 alone: +0.1 +- 1.96 sqrt(0.24 + 0.25) / 10.
+    assert lines[2].startswith("  small against paper: +0.100 [-0.0") and lines[2].endswith("not told apart")
     assert lines[3].endswith("not told apart")  # -0.1 and +0.25
+
+
+def test_the_figure_has_a_dot_for_every_seed(tmp_path):
+    figure = ablation_figure(tables(tmp_path, zero=[0.2, 0.25], paper=[0.5, 0.55, 0.6]))
+    progress = figure.axes[0]
+    assert [label.get_text() for label in progress.get_yticklabels()] == ["zero", "paper"]
+    dots = [line.get_xdata().tolist() for line in progress.lines if line.get_marker() == "o"]
+    assert dots == [[0.2, 0.25], [0.5, 0.55, 0.6]]
 
 
 def test_a_finding_without_tables_says_what_makes_them(tmp_path):

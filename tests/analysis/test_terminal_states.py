@@ -1,10 +1,12 @@
 """Where a skill ends over training: the plane, the spread, and how a chain's skills hand over."""
 
+from pathlib import Path
+
+import numpy as np
 import pandas as pd
 import pytest
-import torch
 
-from tstar_rl.analysis.result_plots import hand_over_matrix, terminal_state_plane
+from tstar_rl.analysis import hand_over_matrix, terminal_state_plane
 from tstar_rl.analysis.terminal_states import (
     add_plane,
     one_sided,
@@ -28,17 +30,17 @@ def write(folder, system: str, rows: list[tuple[int, float]]) -> None:
 
 
 def test_a_quaternion_and_its_negative_are_one_turn():
-    half = torch.tensor([POSE, POSE, POSE, [0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0]], dtype=torch.float64)
+    half = np.array([POSE, POSE, POSE, [0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0]])
     sided = one_sided(half)
-    assert torch.equal(sided[:, 3].abs(), torch.ones(4, dtype=torch.float64))
+    assert np.abs(sided[:, 3]).tolist() == [1.0] * 4
     assert len(set(sided[:, 3].tolist())) == 1
 
 
 def test_the_plane_of_points_on_two_axes():
     # Twice as far along the first axis: variances 4 and 1, shares 0.8 and 0.2.
-    points = torch.tensor([[2.0, 0, 0], [-2.0, 0, 0], [0, 1.0, 0], [0, -1.0, 0]], dtype=torch.float64)
+    points = np.array([[2.0, 0, 0], [-2.0, 0, 0], [0, 1.0, 0], [0, -1.0, 0]])
     plane, shares = principal_plane(points)
-    torch.testing.assert_close(plane, points[:, :2])
+    np.testing.assert_allclose(plane, points[:, :2], atol=1e-12)
     assert shares.tolist() == pytest.approx([0.8, 0.2])
 
 
@@ -56,7 +58,10 @@ def test_spread_in_each_third_by_hand(tmp_path):
     assert numbers.loc["tstar"].spread_position.tolist()[:2] == pytest.approx([2.0, 8.0])
     assert pd.isna(numbers.loc[("tstar", 3), "spread"])
     assert numbers.loc["policy_sequencing"].states.tolist() == [1, 2, 0]
-    assert terminal_state_plane(table, shares, tmp_path / "plane.png").stat().st_size > 1000
+    panels = terminal_state_plane(table, shares).axes
+    assert [axes.get_title() for axes in panels[:2]] == ["tstar", "policy sequencing"]
+    drawn = [np.asarray(axes.collections[0].get_offsets()) for axes in panels[:2]]
+    np.testing.assert_allclose(np.concatenate(drawn), table[["x", "y"]])
 
 
 def test_too_few_states_are_refused():
@@ -64,7 +69,22 @@ def test_too_few_states_are_refused():
         add_plane(pd.DataFrame([POSE], columns=[f"pose_{i}" for i in range(7)]))
 
 
-def test_the_hand_over_matrix_is_drawn_with_what_is_missing(tmp_path):
+def test_the_hand_over_matrix_is_drawn_with_what_is_missing():
     rows = [{"system": "tstar", "subtask": k, "own_starts": 1.0, "handed_over": 0.5} for k in range(2)]
     rows[0]["handed_over"] = float("nan")
-    assert hand_over_matrix(pd.DataFrame(rows), tmp_path / "matrix.png").stat().st_size > 1000
+    own, handed = hand_over_matrix(pd.DataFrame(rows)).axes
+    assert [text.get_text() for text in own.texts] == ["1.00", "1.00"]
+    assert [text.get_text() for text in handed.texts] == ["", "0.50"]
+
+
+PUBLISHED = Path(__file__).resolve().parents[2] / "results" / "published"
+
+
+@pytest.mark.parametrize(
+    "path", sorted(PUBLISHED.glob("*/*/terminal_states_spread.csv")), ids=lambda p: p.parts[-3]
+)
+def test_the_published_spread_comes_out_of_the_published_states(path):
+    published, task = pd.read_csv(path), path.parent.name
+    systems = list(dict.fromkeys(published["system"]))
+    again = spread(add_plane(read_terminal_states(path.parents[1], task, systems))[0])
+    pd.testing.assert_frame_equal(again, published, check_exact=False, atol=1e-6, rtol=1e-6)
