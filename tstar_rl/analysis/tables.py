@@ -25,6 +25,7 @@ __all__ = [
     "whole_task",
 ]
 
+LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # libyaml, where it is there, reads ten times faster
 UNKNOWN = "-"
 """The commit of a run that says none."""
 
@@ -82,7 +83,7 @@ def _read_one(file: Path, root: Path) -> pd.DataFrame:
 def config_of(folder: Path) -> dict[str, Any]:
     """The values in a run's config.yaml; none where it has none."""
     config = folder / "config.yaml"
-    return (yaml.safe_load(config.read_text()) or {}) if config.is_file() else {}
+    return (yaml.load(config.read_text(), LOADER) or {}) if config.is_file() else {}
 
 
 def commit_of(folder: Path) -> str:

@@ -66,7 +66,7 @@ def draw_page(root: Path, paper: Paper, figures: Path) -> list[Path]:
 def _draw_runs(entry: Entry, figures: Path) -> list[Path]:
     """Curves, hand-overs and terminal states of every task."""
     metrics, handed, found = read_metrics(entry.folder), read_hand_over(entry.folder), []
-    for task in sorted(metrics["task"].unique()) if len(metrics) else ():
+    for task in sorted(folder.name for folder in entry.folder.iterdir() if folder.is_dir()):
         for name, rows in curve_groups(metrics, task).items():
             where = rows["recipe"] + (" " + rows["subtask"].astype(str) if name == "skills" else "")
             figure = seed_curves(rows.assign(panel=where), COLUMNS[name], "panel")

@@ -92,17 +92,23 @@ def _tasks(paper: Paper, evaluations: pd.DataFrame) -> list[str]:
 
 
 def _experiment(entry: Entry, paper: Paper) -> str:
-    """The part of the page that an experiment fills."""
+    """The part of the page that an experiment fills.
+
+    Raises:
+        ValueError: if its arms come from several commits and contents.yaml does not say so.
+    """
     said = [f"#{entry.intro()}"]
     if entry.kind == "ablations":
         return "\n\n".join([*said, sections.ablated(entry.folder)])
     evaluations, metrics = _evaluations(entry.folder), read_metrics(entry.folder)
-    if entry.kind == "experiment":
-        said.append(parts.commits(read_experiment(entry.folder)))
+    experiment = read_experiment(entry.folder, entry.commits == "one") if entry.kind == "experiment" else None
+    said += [parts.commits(experiment)] if experiment else []
     for task in _tasks(paper, evaluations):
         said.append(f"### {entry.title}: {task}")
-        leads = _compared(entry, paper, task) if entry.kind == "experiment" else {}
-        if entry.kind == "paper":
+        if experiment:
+            leads = {"Arms": parts.arms(experiment, paper, task, entry.prefix)}
+            leads["Comparisons"] = parts.comparisons(experiment, paper, entry, task)
+        else:
             leads = {"The paper's table and ours": sections.comparison(evaluations, paper, task)}
             leads["Budgets"] = sections.budgets(evaluations, paper, task)
         leads["What the skills hand over"] = sections.hand_over(entry.folder, task, paper, entry.prefix)
@@ -114,17 +120,6 @@ def _experiment(entry: Entry, paper: Paper) -> str:
         leads["Every run"] = sections.by_seed(evaluations, paper, task)
         said += [f"#### {title}\n\n{text.strip()}" for title, text in leads.items() if text]
     return "\n\n".join(part.strip() for part in said)
-
-
-def _compared(entry: Entry, paper: Paper, task: str) -> dict[str, str]:
-    """The arms of an experiment, and their comparisons.
-
-    Raises:
-        ValueError: if the arms come from several commits and contents.yaml does not say so.
-    """
-    experiment = read_experiment(entry.folder, entry.commits == "one")
-    arms = parts.arms(experiment, paper, task, entry.prefix)
-    return {"Arms": arms, "Comparisons": parts.comparisons(experiment, paper, entry, task)}
 
 
 def results_head(root: str | Path, paper: Paper, notes: str) -> str:
