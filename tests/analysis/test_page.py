@@ -9,7 +9,7 @@ import yaml
 
 from tstar_rl.analysis.page import curve_groups, draw_page, replace_block, results_head, results_page
 from tstar_rl.analysis.page.contents import read_contents
-from tstar_rl.analysis.page.markdown import arm_label, over_seeds
+from tstar_rl.analysis.page.markdown import arm_label, arm_order, over_seeds
 from tstar_rl.analysis.page.sections import comparison, short_comparison, skills
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -23,7 +23,7 @@ THEIRS = {
         "tstar": {"label": "T-STAR", "progress": {"table": [0.9, 0.07]}, "success": {"table": 0.87}},
         "ours_alone": {"label": "never run"},
     },
-    "arms": {"buffer": "buffer starts"},
+    "arms": {"buffer": "buffer starts", "tstar": None},
     "arm_endings": {"_no_gate": "every turn kept", "_paper_schedule": "as in the paper"},
     "hours": 48,
     "workers": 16,
@@ -212,6 +212,12 @@ def test_no_published_experiment_is_forgotten(published):
     (published / "odd" / "README.md").unlink()
     with pytest.raises(FileNotFoundError, match="README.md gives an experiment's title"):
         read_contents(published)
+
+
+def test_arms_stand_in_the_order_of_the_file_with_their_variants():
+    found = ["other", "tstar", "buffer_no_gate", "buffer", "tstar_no_gate"]
+    expected = ["buffer", "buffer_no_gate", "tstar", "tstar_no_gate", "other"]
+    assert arm_order(THEIRS, found) == expected
 
 
 def test_an_arm_is_called_by_its_name_and_its_endings():

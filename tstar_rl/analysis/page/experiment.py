@@ -12,8 +12,8 @@ from tstar_rl.analysis.page.markdown import (
     NOTHING,
     Paper,
     arm_label,
+    arm_order,
     interval,
-    labels,
     picture,
     signed_interval,
     table,
@@ -28,9 +28,9 @@ STARRED = "\n\\* Gap to the skills before fine-tuning: the arm's own skills were
 
 
 def ordered(experiment: Experiment, paper: Paper, task: str, mode: str = "deterministic") -> pd.DataFrame:
-    """Rows of the last checkpoint, arms in the order of `markdown.labels`."""
+    """Rows of the last checkpoint, arms in the order of `markdown.arm_order`."""
     rows = experiment.chosen(task, "last", mode)
-    order = {name: place for place, name in enumerate(labels(paper, rows["arm"]))}
+    order = {name: place for place, name in enumerate(arm_order(paper, rows["arm"]))}
     return rows.sort_values(
         ["arm", "seed"], key=lambda v: v.map(order) if v.name == "arm" else v, ignore_index=True
     )

@@ -8,6 +8,7 @@ import pandas as pd
 __all__ = [
     "NOTHING",
     "arm_label",
+    "arm_order",
     "interval",
     "labels",
     "over_seeds",
@@ -63,6 +64,24 @@ def _known(paper: Paper) -> dict[str, str]:
     """Labels of the paper's systems, then of our arms."""
     systems = {name: values["label"] for name, values in paper["systems"].items()}
     return systems | {name: label for name, label in paper.get("arms", {}).items() if name not in systems}
+
+
+def arm_order(paper: Paper, found: Iterable[str]) -> list[str]:
+    """Arms in the order of the paper file's `arms`, each followed by its variants; then what else has been run."""
+    known = list(paper.get("arms", {}))
+
+    def place(arm: str) -> tuple[int, int, str]:
+        return (known.index(_base(paper, arm)) if _base(paper, arm) in known else len(known), len(arm), arm)
+
+    return sorted(set(found), key=place)
+
+
+def _base(paper: Paper, arm: str) -> str:
+    """An arm's name without its endings."""
+    for ending in paper.get("arm_endings", {}):
+        if arm.endswith(ending):
+            return _base(paper, arm.removesuffix(ending))
+    return arm
 
 
 def labels(paper: Paper, found: Iterable[str]) -> dict[str, str]:
