@@ -7,13 +7,15 @@ ARGS ?=
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+DOCS_READY := $(VENV)/.docs-ready
 
-.PHONY: help setup assemble assemble-quick test test-all lint type format bench clean
+.PHONY: help setup assemble assemble-quick test test-all lint type format bench docs clean
 
 help:
 	@echo "make assemble        demonstrations, four skills, T-STAR, evaluation, video, curves (SEED=0)"
 	@echo "make assemble-quick  the same path made small"
 	@echo "make test | test-all | lint | type | format | bench"
+	@echo "make docs            this documentation as a site, in site/index.html"
 
 setup: $(READY)
 
@@ -49,5 +51,12 @@ format: $(READY)
 bench: $(READY)
 	$(BIN)/python recipes/bench.py $(ARGS)
 
+$(DOCS_READY): $(READY)
+	$(BIN)/python -m pip install -q -e '.[docs]'
+	touch $@
+
+docs: $(DOCS_READY)
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict $(ARGS)
+
 clean:
-	rm -rf build dist *.egg-info .pytest_cache .ruff_cache
+	rm -rf build dist site *.egg-info .pytest_cache .ruff_cache

@@ -29,7 +29,6 @@ from hydra import compose
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 from tensordict import TensorDictBase
-from torchrl.envs import Compose
 from tqdm import tqdm
 
 from tstar_envs.physics.cpu import CpuPhysics
@@ -42,14 +41,14 @@ from tstar_rl.demonstrations.data_set import Demonstrations
 from tstar_rl.rollouts.collection import Collection
 from tstar_rl.runs.csv_tables import append_rows
 from tstar_rl.seeds import derive_seed
-from tstar_rl.transforms import GAILReward, RewardMixture
+from tstar_rl.transforms import GAILReward, RewardMixture, weighted
 from tstar_rl.updates import (
     BehaviourCloningSettings,
     DiscriminatorSettings,
+    DiscriminatorUpdate,
     PolicyUpdate,
     PPOSettings,
     behaviour_cloning,
-    make_f_phi_update,
 )
 
 
@@ -141,12 +140,11 @@ class Training:
 
     def __init__(self, config: DictConfig, skill: Skill, expert: Demonstrations, env, seed: int) -> None:
         self.expert = expert
-        self.update_f_phi = make_f_phi_update(
-            skill.f_phi, settings(DiscriminatorSettings, config.f_phi), seed
-        )
+        labels, f_phi = {"expert": 1.0, "agent": -1.0}, settings(DiscriminatorSettings, config.f_phi)
+        self.update_f_phi = DiscriminatorUpdate("f_phi", skill.f_phi, labels, f_phi, seed)
         ppo = settings(PPOSettings, config.ppo)
         self.update_policy = PolicyUpdate(skill.policy, skill.value, ppo, skill.return_scale, seed)
-        self.reward = Compose(GAILReward(skill.f_phi), RewardMixture(**{**config.reward, "lambda_3": 0.0}))
+        self.reward = weighted(settings(RewardMixture, config.reward), {"gail": GAILReward(skill.f_phi)})
         self.collection = Collection(env, skill.policy, config.training.horizon)
 
     def rate(self, iterations: int) -> float:
@@ -155,7 +153,7 @@ class Training:
         for _ in range(iterations):
             rollout = self.collection.rollout()
             steps += rollout.numel()
-            self.update_f_phi(self.expert.observations, rollout["observation"])
+            self.update_f_phi(expert=self.expert.observations, agent=rollout["observation"])
             self.update_policy(self.reward(rollout), 0.0)
         return steps / (time.perf_counter() - began)
 

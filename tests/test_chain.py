@@ -1,84 +1,83 @@
-"""The gate of a chain: which of two policies stays, judged by the skill alone or by the whole chain."""
+"""The wiring of the chaining recipes, on a chain that trains in seconds."""
 
 import pytest
+import torch
 from tensordict import TensorDict
 
-from tstar_rl.chaining import chain
-from tstar_rl.chaining.chain import TurnEnd, keep_better
+from tstar_rl.chaining.chain import load_chain
+from tstar_rl.chaining.turns import Turn
+
+NUM_SKILLS = 4
 
 
-class OneNumber:
-    """Stands for a skill: its whole network is a number."""
-
-    def __init__(self, number: float) -> None:
-        self.number = number
-
-    def network_state(self) -> dict:
-        return {"number": self.number}
-
-    def load_network_state(self, state: dict) -> None:
-        self.number = state["number"]
+def place(y: float, x: float) -> torch.Tensor:
+    observation = torch.zeros(1, 72)
+    observation[0, 0], observation[0, 1] = x, y
+    return observation
 
 
-@pytest.fixture
-def handed(monkeypatch) -> list[float]:
-    """What was handed over; a trial's success is the number itself, and so is what it reached."""
-    over: list[float] = []
-    monkeypatch.setattr(chain, "try_out", lambda skill, env: (skill.number, TensorDict({"is": skill.number})))
-    monkeypatch.setattr(chain, "hand_over", lambda skill, last: over.append(float(last["is"])))
-    return over
+def test_d_omega_says_from_where_the_next_skill_succeeds(point_chain, tmp_path):
+    """Skill 1 succeeds from y > 0 only, so that its initiation set lies there and skill 0 ends on both sides."""
+    point_chain("tstar", "chain.gate=null", "chain.links=2", "chain.steps_per_turn=4096")
+    skills = load_chain(tmp_path / "runs/table_lack/tstar/seed0/last")
+    above, below = (float(skills[1].d_omega(place(y, 1.2)).detach()) for y in (0.5, -0.5))
+    assert above > below + 0.15, (above, below)
 
 
-@pytest.mark.parametrize(("trained", "kept"), [(0.95, 0.95), (0.89, 0.89), (0.85, 0.9)])
-def test_a_skill_that_lost_more_than_the_margin_goes_back_and_hands_over_what_it_reached(
-    trained, kept, handed
-):
-    skill = OneNumber(trained)
-    log = keep_better(skill, {"number": 0.9}, lambda: None, 0.02)
-    assert skill.number == kept and handed == [pytest.approx(kept)]
-    assert log == {"trial_before": 0.9, "trial_after": trained, "accepted": int(kept == trained)}
+def test_a_success_is_paid_what_the_next_skill_says_of_the_state_that_was_reached(point_chain, monkeypatch):
+    paid = []
+    log = Turn.log
+
+    def check(turn, rollout, row):
+        following = rollout["next"]
+        won = following["success"].squeeze(-1)
+        if turn.following is None:
+            assert "reward_tsr" not in following.keys()
+        else:
+            said = turn.following.d_omega(following["observation"]).clamp(0, 1) * following["success"]
+            torch.testing.assert_close(following["reward_tsr"], said)
+            paid.append((turn.index, float(following["reward_tsr"][won].mean())))
+        expected = 0.05 * (0.5 * following["reward_env"] + 0.5 * following["reward_gail"])
+        if turn.following is not None:
+            expected = expected + 0.05 * 10_000 * following["reward_tsr"]
+        torch.testing.assert_close(following["reward"], expected)
+        log(turn, rollout, row)
+
+    monkeypatch.setattr(Turn, "log", check)
+    table = point_chain("tstar", "chain.gate=null")
+    assert {index for index, _ in paid} == set(range(NUM_SKILLS - 1))  # the last skill has no next
+    assert all(mean > 0 for _, mean in paid)
+    assert table[table.skill == NUM_SKILLS - 1].d_omega_initiation_score.isna().all()
 
 
-@pytest.mark.parametrize(("progress_after", "kept"), [(0.5, 0.95), (0.3, 0.9)])
-def test_the_whole_chain_decides_where_it_is_asked(progress_after, kept, handed):
-    skill = OneNumber(0.95)  # alone it is better
-    log = keep_better(
-        skill, {"number": 0.9}, lambda: None, 0.0, lambda: progress_after if skill.number == 0.95 else 0.4
-    )
-    assert skill.number == kept and handed == [pytest.approx(kept)]
-    assert log["trial_progress"] == max(progress_after, 0.4)
+def test_t_star_makes_the_first_skill_end_where_the_second_can_start(point_chain, tmp_path):
+    """Skill 0 succeeds at any y. Paid by d_omega it moves to y > 0 first; without it nothing tells it to."""
+    moved = {}
+    for recipe in ("tstar", "policy_sequencing"):
+        point_chain(recipe, "chain.gate=null", "chain.links=2", "chain.rounds=2", "chain.steps_per_turn=4096")
+        skill = load_chain(tmp_path / f"runs/table_lack/{recipe}/seed0/last")[0]
+        states = torch.cat([place(y, 0.5) for y in torch.linspace(-1, 1, 21).tolist()])
+        with torch.no_grad():
+            loc = skill.policy.get_dist(TensorDict({"observation": states}, [21])).mean
+        moved[recipe] = float(loc[:, 1].mean())
+    assert moved["tstar"] > moved["policy_sequencing"] + 0.1, moved
 
 
-def test_a_trial_of_the_chain_that_is_known_is_not_run_again(handed):
-    skill, trials = OneNumber(0.95), []
+@pytest.mark.parametrize("recipe", ["tstar", "policy_sequencing"])
+def test_episodes_begin_where_the_skill_before_ended(recipe, point_chain, monkeypatch):
+    """Of skill i a share begins past i + 0.2, where its own starts do not, and none where another skill ends."""
+    seen = {}
+    log = Turn.log
 
-    def progress() -> float:
-        trials.append(skill.number)
-        return 0.3
+    def note(turn, rollout, row):
+        start = rollout["start_observation"][..., 0] - turn.index
+        seen.setdefault(turn.index, []).append(start.flatten())
+        log(turn, rollout, row)
 
-    log = keep_better(skill, {"number": 0.9}, lambda: None, 0.0, progress, progress_before=0.4)
-    assert trials == [0.95] and skill.number == 0.9 and log["trial_progress"] == 0.4
-
-
-def test_a_chain_that_was_tried_after_a_turn_is_not_tried_again_before_the_next(handed):
-    trials, skill = [], OneNumber(0.5)
-
-    def progress() -> float:
-        trials.append(skill.number)
-        return skill.number
-
-    end_turn = TurnEnd(progress, True, "chain", 0.0, 1)
-    logs = []
-    for turn, trained in enumerate((0.6, 0.4, 0.7)):
-        before = skill.network_state()
-        skill.load_network_state({"number": trained})
-        logs.append(end_turn(skill, before, lambda: None, turn))
-    assert trials == [0.6, 0.5, 0.4, 0.7]  # before the first turn nothing is known
-    assert [log["trial_progress"] for log in logs] == [0.6, 0.6, 0.7]
-    assert [log["accepted"] for log in logs] == [1, 0, 1]
-
-
-def test_without_a_gate_the_chain_is_tried_every_so_many_turns():
-    skill = OneNumber(0.5)
-    end_turn = TurnEnd(lambda: 0.25, False, "skill", 0.0, 2)
-    assert [end_turn(skill, {}, lambda: None, turn) for turn in range(2)] == [{}, {"trial_progress": 0.25}]
+    monkeypatch.setattr(Turn, "log", note)
+    point_chain(recipe, "chain.gate=null")
+    for index in range(NUM_SKILLS):
+        starts = torch.cat(seen[index])
+        assert starts.min() > -0.6 and starts.max() < 1.0
+        chained = float((starts > 0.2).float().mean())
+        assert chained == 0 if index == 0 else 0.2 < chained < 0.9, (index, chained)

@@ -40,7 +40,7 @@ def test_every_recipe_at_every_scale(name):
 
 def test_what_a_user_may_add():
     checked("ablate", "ablation=[lambda_3,starts]")
-    checked("tstar", "+env.part_noise=0.04", "chain.links=2", "+reward.env_scale=2", "ppo.learning_rate=1")
+    checked("tstar", "+env.part_noise=0.04", "chain.links=2", "+reward.scales.env=2", "ppo.learning_rate=1")
     checked("policy_sequencing", "bonus=0.4", "subtask=null", "exploration=null")
 
 
@@ -50,14 +50,14 @@ def test_what_a_user_may_add():
         ("gail_ppo", "+sede=1", "the config has no sede; it has .*did you mean seed"),
         ("gail_ppo", "+task.steps=1", "task has no steps; it has name, subtasks"),
         ("gail_ppo", "+training.horizons=1", "training has no horizons; it has .*did you mean horizon"),
-        ("gail_ppo", "+reward.lamda_1=1", "reward has no lamda_1; it has .*did you mean lambda_1"),
+        ("gail_ppo", "+reward.weight=1", "reward has no weight; it has .*did you mean weights"),
         ("tstar", "+terminal_reward.d_omega=1", "terminal_reward has no d_omega; it has score, baseline"),
         ("tstar", "+chain.ppo.epoch=1", "chain.ppo has no epoch; it has .*did you mean epochs"),
         ("spirl", "+spirl.model.hiden=[8]", "spirl.model has no hiden; it has .*did you mean hidden"),
         ("gail_ppo", "+from_checkpoint=best", "the config has no from_checkpoint"),
         ("bench", "+bench.step=1", "bench has no step; it has .*did you mean steps"),
         ("gail_ppo", "~training.horizon", "training lacks horizon, which must be a whole number"),
-        ("tstar", "chain.gate_on=success", "chain.gate_on must be skill or chain, got 'success'"),
+        ("tstar", "chain.gate=success", "chain.gate must be skill or chain or null, got 'success'"),
         ("gail_ppo", "seed=one", "seed must be a whole number, got 'one'"),
         ("gail_ppo", "subtask=all", "subtask must be a whole number or null, got 'all'"),
         ("gail_ppo", "training.num_envs=2.5", "training.num_envs must be a whole number, got 2.5"),

@@ -18,12 +18,13 @@ from tstar_rl.transforms import GAILReward, RewardMixture, TerminalStateReward
 from tstar_rl.updates import (
     BehaviourCloningSettings,
     DiscriminatorSettings,
+    DiscriminatorUpdate,
     PolicyUpdate,
     PPOSettings,
     behaviour_cloning,
-    make_d_omega_update,
-    make_f_phi_update,
 )
+
+F_PHI = {"expert": 1.0, "agent": -1.0}
 
 N, T = 4, 8
 FAST = {"learning_rate": 0.05, "kl_stop": 0.01}
@@ -80,15 +81,19 @@ def test_an_update_of_everything(elsewhere):
     skill, rollout = new_skill(elsewhere), new_rollout(elsewhere)
     discriminator = DiscriminatorSettings(minibatch=8, steps=2)
     observations = torch.zeros(32, 72, device=elsewhere)
-    reward = Compose(GAILReward(skill.f_phi), TerminalStateReward(skill.d_omega), RewardMixture(lambda_3=1.0))
+    reward = Compose(
+        GAILReward(skill.f_phi),
+        TerminalStateReward(skill.d_omega),
+        RewardMixture({"env": 0.5, "gail": 0.5, "tsr": 1.0}),
+    )
     ppo = PPOSettings(epochs=1, minibatch=16, normalize_returns=True, kl_stop=1.0)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(torch.Tensor, "__bool__", lambda self: True)  # it has a critic
         update = PolicyUpdate(skill.policy, skill.value, ppo, skill.return_scale)
     cloning = BehaviourCloningSettings(epochs=1, minibatch=16)
     behaviour_cloning(skill.policy, observations, torch.zeros(32, 9, device=elsewhere), cloning)
-    make_f_phi_update(skill.f_phi, discriminator)(observations, rollout["observation"])
-    make_d_omega_update(skill.d_omega, discriminator)(observations, rollout["observation"])
+    update_f_phi = DiscriminatorUpdate("f_phi", skill.f_phi, F_PHI, discriminator)
+    update_f_phi(expert=observations, agent=rollout["observation"])
     log = update(reward(rollout))
     skill.normalizer.update(rollout["observation"])
     assert log["actor_steps"] == log["critic_steps"] == 2
@@ -127,7 +132,7 @@ def selects_all(monkeypatch):
 def parts(skill: Skill, **settings) -> tuple[Compose, PolicyUpdate]:
     """The reward of a chained skill, scored by its own d_omega, and the update of its policy."""
     terminal = TerminalStateReward(skill.d_omega, baseline="running_mean")
-    reward = Compose(GAILReward(skill.f_phi), terminal, RewardMixture(lambda_3=1.0))
+    reward = Compose(GAILReward(skill.f_phi), terminal, RewardMixture({"env": 0.5, "gail": 0.5, "tsr": 1.0}))
     settings = PPOSettings(epochs=2, minibatch=16, normalize_returns=True, **settings)
     return reward, PolicyUpdate(skill.policy, skill.value, settings, skill.return_scale)
 
@@ -178,7 +183,7 @@ def test_a_compiled_update_does_what_an_eager_one_does(make_env):
         skill = Skill("table_lack", 0, NetworkSettings(hidden=(16,), std="fixed"))
         env = with_starts(make_env(num_envs=16, snapshots=False))
         rollout = Collection(env, skill.policy, 8).rollout()
-        rollout = RewardMixture(lambda_2=0.0)(rollout)
+        rollout = RewardMixture({"env": 0.5})(rollout)
         settings = PPOSettings(epochs=2, minibatch=32, kl_stop=0.05, compile=mode)
         logs.append(PolicyUpdate(skill.policy, skill.value, settings, skill.return_scale)(rollout))
         states.append(skill.network_state())
@@ -198,7 +203,10 @@ def test_training_on_the_simulator_of_the_gpu(device):
     skill.initiation_set.extend(rollout[:, -1].select("observation"))
     skill.termination_set.extend(rollout["next"][:, -1].select("observation", "snapshot"))
     collection.settle()
-    make_f_phi_update(skill.f_phi, DiscriminatorSettings(minibatch=4, steps=1))(*[rollout["observation"]] * 2)
+    update_f_phi = DiscriminatorUpdate(
+        "f_phi", skill.f_phi, F_PHI, DiscriminatorSettings(minibatch=4, steps=1)
+    )
+    update_f_phi(expert=rollout["observation"], agent=rollout["observation"])
     rollout = Compose(GAILReward(skill.f_phi), RewardMixture())(rollout)
     log = PolicyUpdate(skill.policy, skill.value, PPOSettings(minibatch=4), skill.return_scale)(rollout)
     assert log["critic_steps"] == 20 and rollout["next", "done"][:, 1].all()

@@ -14,8 +14,8 @@ def test_gail_reward_is_a_clipped_parabola():
     assert_close(equations.gail_reward(f), torch.tensor([1.0, 0.75, 0.75, 0.0, 0.0, 0.0, 0.9375]))
 
 
-def test_subtask_reward():
-    r = equations.subtask_reward(torch.tensor([4.0, -2.0]), torch.tensor([0.5, 1.0]), 0.5, 0.25)
+def test_the_reward_of_learning_a_subtask():
+    r = equations.weighted_reward([torch.tensor([4.0, -2.0]), torch.tensor([0.5, 1.0])], [0.5, 0.25])
     assert_close(r, torch.tensor([2.125, -0.75]))  # 2 + 0.125, -1 + 0.25
 
 
@@ -25,28 +25,17 @@ def test_terminal_state_reward_is_paid_in_the_termination_set_only():
     assert_close(equations.terminal_state_reward(d, inside), torch.tensor([0.4, 0.0, 1.0, 0.0]))
 
 
-def test_mixed_reward():
-    r = equations.mixed_reward(
-        torch.tensor([4.0]),
-        torch.tensor([0.5]),
-        torch.tensor([0.2]),
-        lambda_1=0.5,
-        lambda_2=0.5,
-        lambda_3=10000,
-    )
+def test_the_reward_of_chaining():
+    rewards = [torch.tensor([value]) for value in (4.0, 0.5, 0.2)]
+    r = equations.weighted_reward(rewards, [0.5, 0.5, 10000])
     assert_close(r, torch.tensor([2002.25]))  # 2 + 0.25 + 2000
 
 
-def test_gail_discriminator_loss():
-    # experts: (0^2 + 1^2) / 2 = 0.5; agents: (0^2 + 1^2 + 2^2) / 3 = 5/3
-    loss = equations.gail_discriminator_loss(torch.tensor([1.0, 0.0]), torch.tensor([-1.0, 0.0, 1.0]))
-    assert_close(loss, torch.tensor(0.5 + 5 / 3))
-
-
-def test_initiation_set_loss():
-    # initiation: (0^2 + 0.5^2) / 2 = 0.125; termination: (0^2 + 0.5^2 + 1) / 3 = 1.25 / 3
-    loss = equations.initiation_set_loss(torch.tensor([1.0, 0.5]), torch.tensor([0.0, 0.5, 1.0]))
-    assert_close(loss, torch.tensor(0.125 + 1.25 / 3))
+def test_least_squares_loss():
+    # distances from +1 are 0 and 1, from -1 they are 2 and 1: (0 + 1) / 2 and (4 + 1) / 2
+    scores = torch.tensor([1.0, 0.0])
+    assert_close(equations.least_squares_loss(scores, 1.0), torch.tensor(0.5))
+    assert_close(equations.least_squares_loss(scores, -1.0), torch.tensor(2.5))
 
 
 def test_gradient_penalty_is_half_the_mean_squared_norm():
@@ -69,22 +58,22 @@ def test_gaussian_kl_of_diagonal_gaussians():
     assert_close(back, torch.tensor(2.0 - math.log(2)))
 
 
-def test_skill_reconstruction_is_half_the_mean_squared_error():
-    loss = equations.skill_reconstruction_loss(torch.tensor([[1.0, 2.0]]), torch.tensor([[0.0, 0.0]]))
+def test_latent_reconstruction_is_half_the_mean_squared_error():
+    loss = equations.latent_reconstruction_loss(torch.tensor([[1.0, 2.0]]), torch.tensor([[0.0, 0.0]]))
     assert_close(loss, torch.tensor(1.25))  # 0.5 (1 + 4) / 2
 
 
-def test_skill_regularisation_is_beta_times_the_divergence_from_a_unit_gaussian():
-    loss = equations.skill_regularisation_loss(
+def test_latent_regularisation_is_beta_times_the_divergence_from_a_unit_gaussian():
+    loss = equations.latent_regularisation_loss(
         torch.tensor([[1.0, 0.0], [0.0, 0.0]]), torch.ones(2, 2), beta=0.1
     )
     assert_close(loss, torch.tensor(0.025))  # (1/2 + 0) / 2 windows, times 0.1
 
 
-def test_the_skill_prior_follows_and_the_posterior_does_not_mind():
+def test_the_latent_prior_follows_and_the_posterior_does_not_mind():
     loc, prior_loc = torch.tensor([[1.0]], requires_grad=True), torch.tensor([[3.0]], requires_grad=True)
     one = torch.ones(1, 1)
-    loss = equations.skill_prior_loss(loc, one, prior_loc, one)
+    loss = equations.latent_prior_loss(loc, one, prior_loc, one)
     assert_close(loss.detach(), torch.tensor(2.0))  # (1 - 3)^2 / 2
     loss.backward()
     assert loc.grad is None

@@ -11,29 +11,28 @@ from omegaconf import DictConfig
 from torchrl.envs import Compose
 
 from tstar_rl.chaining.chain import ChainPolicy
-from tstar_rl.chaining.skill import NetworkSettings, Skill
+from tstar_rl.chaining.skill import Skill
 from tstar_rl.config.build import (
     demonstrations_path,
     environment,
     load_demonstrations,
     new_skill,
-    new_skill_agent,
+    new_spirl_agent,
 )
 from tstar_rl.config.load import CONFIGS
 from tstar_rl.demonstrations.collect import collect
 from tstar_rl.env.layout import observation_size
 from tstar_rl.rollouts.collection import Collection
 from tstar_rl.rollouts.episodes import run_episodes
-from tstar_rl.runs import checkpoint
-from tstar_rl.spirl.agent import SkillAgent
+from tstar_rl.spirl import SpirlAgent
 from tstar_rl.transforms import GAILReward, RewardMixture
 from tstar_rl.updates import (
     BehaviourCloningSettings,
     DiscriminatorSettings,
+    DiscriminatorUpdate,
     PolicyUpdate,
     PPOSettings,
     behaviour_cloning,
-    make_f_phi_update,
 )
 
 NAME, SIZE = "stool_of_three_legs", 65
@@ -79,10 +78,10 @@ def test_a_skill_is_trained(made, tmp_path):
     )
     rollout = Collection(environment(made, 0, 4, 0), skill.policy, 16).rollout()
     assert rollout["observation"].shape == (4, 16, SIZE)
-    log = make_f_phi_update(skill.f_phi, DiscriminatorSettings(steps=2))(
-        expert.observations, rollout["observation"]
-    )
-    reward = Compose(GAILReward(skill.f_phi), RewardMixture(0.5, 0.5))
+    labels = {"expert": 1.0, "agent": -1.0}
+    update_f_phi = DiscriminatorUpdate("f_phi", skill.f_phi, labels, DiscriminatorSettings(steps=2))
+    log = update_f_phi(expert=expert.observations, agent=rollout["observation"])
+    reward = Compose(GAILReward(skill.f_phi), RewardMixture())
     before = skill.network_state()["policy"]
     update = PolicyUpdate(skill.policy, skill.value, PPOSettings(minibatch=32), skill.return_scale)
     log |= update(reward(rollout), 0.0)
@@ -104,23 +103,14 @@ def test_a_chain_runs_and_its_sets_are_started_from(made):
 
 
 def test_an_agent_of_spirl_acts(made, tmp_path):
-    values = config(tmp_path, "spirl", "spirl.model.hidden=[16]", "spirl.critic_hidden=[16]")
-    agent = new_skill_agent(values, 0)
+    values = config(tmp_path, "spirl", "spirl.model.hidden=[16]", "spirl.policy.critic_hidden=[16]")
+    agent = new_spirl_agent(values, 0)
     last = run_episodes(environment(values, 0, 2, 0, max_steps=2), agent.policy)
     assert last["observation"].shape == (2, SIZE)
     agent.save(tmp_path / "agent")
-    assert SkillAgent.load(tmp_path / "agent").obs_dim == SIZE
+    assert SpirlAgent.load(tmp_path / "agent").obs_dim == SIZE
 
 
 def test_observations_of_other_furniture_are_refused_by_name(made):
     with pytest.raises(ValueError, match="observations of 65 numbers are normalised here, got 72"):
         new_skill(made, 0).normalizer.fit(torch.zeros(9, 72))
-
-
-def test_a_checkpoint_that_does_not_say_is_of_five_parts(tmp_path):
-    skill = Skill("table_lack", 0, NetworkSettings(hidden=(8,), discriminator_hidden=(8,)))
-    skill.save(tmp_path / "skill")
-    record = checkpoint.read_record(tmp_path / "skill")
-    del record["built"]["obs_dim"]
-    checkpoint.save(tmp_path / "older", {"skill": skill}, record)
-    assert Skill.load(tmp_path / "older").obs_dim == 72

@@ -1,4 +1,4 @@
-"""The discriminators' losses on numbers worked by hand, and that training with them separates."""
+"""The discriminators' loss on numbers worked by hand, and that training with it separates."""
 
 import pytest
 import torch
@@ -8,7 +8,9 @@ from torch.testing import assert_close
 
 from tstar_rl.models.networks import Discriminator, make_discriminator
 from tstar_rl.models.normalizer import Normalizer
-from tstar_rl.objectives import GAILDiscriminatorLoss, InitiationSetLoss
+from tstar_rl.objectives import DiscriminatorLoss
+
+F_PHI, D_OMEGA = {"expert": 1.0, "agent": -1.0}, {"initiation": 1.0, "termination": 0.0}
 
 
 def linear(weights: list[float], normalizer=None) -> Discriminator:
@@ -17,74 +19,59 @@ def linear(weights: list[float], normalizer=None) -> Discriminator:
     return Discriminator(network, normalizer)
 
 
-def test_gail_loss_on_a_linear_discriminator():
+def batch(**observations: list[list[float]]) -> TensorDict:
+    rows = {f"{kind}_observation": torch.tensor(values) for kind, values in observations.items()}
+    return TensorDict(rows, [len(next(iter(rows.values())))])
+
+
+def test_the_loss_of_f_phi_on_a_linear_discriminator():
     # f(x) = 3 x0 + 4 x1. Experts: f = 3 and 1, agents: f = 0 and -4. Loss: (4 + 0) / 2 + (1 + 9) / 2 = 7.
     # The gradient is (3, 4) everywhere: penalty 10 * 0.5 * 25 = 125.
-    batch = TensorDict(
-        {
-            "expert_observation": torch.tensor([[1.0, 0.0], [-1.0, 1.0]]),
-            "observation": torch.tensor([[0.0, 0.0], [0.0, -1.0]]),
-        },
-        [2],
-    )
-    out = GAILDiscriminatorLoss(linear([3.0, 4.0]))(batch)
+    rows = batch(expert=[[1.0, 0.0], [-1.0, 1.0]], agent=[[0.0, 0.0], [0.0, -1.0]])
+    out = DiscriminatorLoss(linear([3.0, 4.0]), F_PHI)(rows)
     assert_close(out["loss_discriminator"], torch.tensor(7.0))
     assert_close(out["loss_gradient_penalty"], torch.tensor(125.0))
     assert_close(out["expert_score"], torch.tensor(2.0))
     assert_close(out["agent_score"], torch.tensor(-2.0))
 
 
-def test_the_penalty_is_on_the_normalised_observation():
-    normalizer = Normalizer(2)
-    normalizer.fit(torch.tensor([[-0.1, -5.0], [0.1, 5.0]]))  # deviations 0.1 and 5
-    batch = TensorDict({"expert_observation": torch.zeros(1, 2), "observation": torch.zeros(1, 2)}, [1])
-    out = GAILDiscriminatorLoss(linear([3.0, 4.0], normalizer))(batch)
-    assert_close(out["loss_gradient_penalty"], torch.tensor(125.0))
-
-
-def test_initiation_set_loss_on_a_linear_discriminator():
+def test_the_loss_of_d_omega_on_a_linear_discriminator():
     # d(x) = 0.5 x. Initiation: d = 1 and 0.5, termination: d = 0.5 and -1. Loss: 0.25 / 2 + 1.25 / 2 = 0.75.
-    batch = TensorDict(
-        {
-            "initiation_observation": torch.tensor([[2.0], [1.0]]),
-            "termination_observation": torch.tensor([[1.0], [-2.0]]),
-        },
-        [2],
-    )
-    out = InitiationSetLoss(linear([0.5]))(batch)
-    assert_close(out["loss_initiation_set"], torch.tensor(0.75))
+    rows = batch(initiation=[[2.0], [1.0]], termination=[[1.0], [-2.0]])
+    out = DiscriminatorLoss(linear([0.5]), D_OMEGA, gradient_penalty_weight=0.0)(rows)
+    assert_close(out["loss_discriminator"], torch.tensor(0.75))
     assert out["loss_gradient_penalty"] == 0
-    penalised = InitiationSetLoss(linear([0.5]), gradient_penalty_weight=10.0)(batch)
+    penalised = DiscriminatorLoss(linear([0.5]), D_OMEGA)(rows)
     assert_close(penalised["loss_gradient_penalty"], torch.tensor(1.25))  # 10 * 0.5 * 0.25
 
 
-@pytest.mark.parametrize(
-    ("loss_class", "high", "low", "labels"),
-    [
-        (GAILDiscriminatorLoss, "expert_observation", "observation", (1.0, -1.0)),
-        (InitiationSetLoss, "initiation_observation", "termination_observation", (1.0, 0.0)),
-    ],
-)
-def test_training_approaches_the_labels(loss_class, high, low, labels):
+def test_the_penalty_is_on_the_normalised_observation():
+    normalizer = Normalizer(2)
+    normalizer.fit(torch.tensor([[-0.1, -5.0], [0.1, 5.0]]))  # deviations 0.1 and 5
+    rows = batch(expert=[[0.0, 0.0]], agent=[[0.0, 0.0]])
+    out = DiscriminatorLoss(linear([3.0, 4.0], normalizer), F_PHI)(rows)
+    assert_close(out["loss_gradient_penalty"], torch.tensor(125.0))
+
+
+@pytest.mark.parametrize("labels", [F_PHI, D_OMEGA], ids=["f_phi", "d_omega"])
+def test_training_approaches_the_labels(labels):
     torch.manual_seed(0)
     network = make_discriminator(4, hidden=(32, 32))
-    loss = loss_class(network, gradient_penalty_weight=0.1)
+    loss = DiscriminatorLoss(network, labels, gradient_penalty_weight=0.1)
     optimizer = torch.optim.Adam(loss.parameters(), 3e-3)
-    batch = TensorDict({high: torch.randn(64, 4) + 2, low: torch.randn(64, 4) - 2}, [64])
+    high, low = torch.randn(64, 4) + 2, torch.randn(64, 4) - 2
+    rows = TensorDict({f"{kind}_observation": x for kind, x in zip(labels, (high, low), strict=True)}, [64])
     for _ in range(150):
-        out = loss(batch)
+        out = loss(rows)
         optimizer.zero_grad()
         sum(value for key, value in out.items() if key.startswith("loss_")).backward()
         optimizer.step()
-    scores = network(batch[high]).mean(), network(batch[low]).mean()
-    assert_close(torch.stack(scores), torch.tensor(labels), atol=0.25, rtol=0)
+    scores = torch.stack([network(high).mean(), network(low).mean()])
+    assert_close(scores, torch.tensor(list(labels.values())), atol=0.25, rtol=0)
 
 
-def test_keys_can_be_set_and_a_negative_weight_is_refused():
-    loss = GAILDiscriminatorLoss(linear([1.0]))
-    loss.set_keys(observation="agent")
-    batch = TensorDict({"expert_observation": torch.ones(1, 1), "agent": -torch.ones(1, 1)}, [1])
-    assert loss(batch)["loss_discriminator"] == 0
-    for loss_class in (GAILDiscriminatorLoss, InitiationSetLoss):
-        with pytest.raises(ValueError, match="must not be negative, got -1"):
-            loss_class(linear([1.0]), gradient_penalty_weight=-1)
+def test_what_is_no_discriminator_is_refused():
+    with pytest.raises(ValueError, match="must not be negative, got -1"):
+        DiscriminatorLoss(linear([1.0]), F_PHI, gradient_penalty_weight=-1)
+    with pytest.raises(ValueError, match="labels of two kinds of states, got {'expert': 1.0}"):
+        DiscriminatorLoss(linear([1.0]), {"expert": 1.0})

@@ -1,49 +1,33 @@
-"""The eight phases on numbers worked by hand. Source of the figures: environment.md, "Dense reward"."""
+"""The eight phases on numbers worked by hand. Source: docs/task.md, "The phases"."""
 
 import math
 
 import pytest
 import torch
+from scenes import NO, OPEN, alignment, measured, row, scene
 from torch import Tensor
 from torch.testing import assert_close
 
-from tstar_envs.connection import Alignment
 from tstar_envs.tasks import phase_reward
-from tstar_envs.tasks.phase_reward import Scene
+from tstar_envs.tasks.measures import MEASURES, VECTORS
+from tstar_envs.tasks.phase_reward import PhaseTables
 
-GRASP, LIFT, START = (0.1, 0.2, 0.01), (0.1, 0.2, 0.11), (0.4, 0.2, 0.3)
 PHASES = {name: i for i, name in enumerate(phase_reward.PHASES)}
-OPEN, NO = torch.tensor([True]), torch.tensor([False])
+TABLES = PhaseTables(torch.device("cpu"))
 
 
-def row(*values: float) -> Tensor:
-    return torch.tensor([values], dtype=torch.float64)
-
-
-def alignment(distance=0.2, up=1.0, forward=1.0, moving=1.0, target=1.0) -> Alignment:
-    return Alignment(
-        *(torch.tensor([v], dtype=torch.float64) for v in (distance, up, forward, moving, target))
-    )
-
-
-def scene(**changed) -> Scene:
-    """The hand at its start over a lying part, 0.2 m from the target."""
-    base = {
-        "tip": row(*START), "approach": row(0, 0, -1), "closing": row(1, 0, 0), "part": row(*GRASP),
-        "grasp_point": row(*GRASP), "grasp_axis": row(1, 0, 0), "grip_direction": row(0, 0, -1),
-        "moving_connector": row(0, 0, 0.3), "target_connector": row(0, 0, 0.1), "alignment": alignment(),
-        "touching": NO,
-    }  # fmt: skip
-    return Scene(**{**base, **changed})
+def potential(phase: str, **changed) -> float:
+    return TABLES.potentials(scene(**changed).measures)[0, PHASES[phase]].item()
 
 
 def met(phase: str, hand_open: Tensor = OPEN, connected: Tensor = NO, **changed) -> bool:
-    found = phase_reward.conditions(scene(**changed), row(*START), row(*LIFT), 0.05, hand_open, connected)
-    return bool(found[0, PHASES[phase]])
+    found = scene(**changed)
+    held = TABLES.conditions(found.measures, found.touching, hand_open, connected)
+    return bool(held[PHASES[phase], 0])
 
 
 def test_potentials_are_in_the_order_of_the_phases():
-    found = phase_reward.potentials(scene(), row(*START), row(*LIFT), 0.05)[0]
+    found = TABLES.potentials(scene().measures)[0]
     over, below = (
         math.hypot(0.3, 0.24),
         0.2,
@@ -58,37 +42,56 @@ def test_potentials_are_in_the_order_of_the_phases():
 
 
 def test_init_eef_clips_at_half_a_metre():
-    far = scene(tip=row(9, 9, 9))
-    assert_close(phase_reward.init_eef(far, row(*START)).item(), -100 * math.exp(-5.0))
-    assert_close(
-        phase_reward.init_eef(scene(tip=row(0.5, 0.2, 0.3)), row(*START)).item(), -100 * math.exp(-1.0)
-    )
+    assert_close(potential("init_eef", tip=row(9, 9, 9)), -100 * math.exp(-5.0))
+    assert_close(potential("init_eef", tip=row(0.5, 0.2, 0.3)), -100 * math.exp(-1.0))
 
 
 def test_reaching_potentials():
-    assert_close(phase_reward.move_eef_above_leg(scene(tip=row(0.1, 0.2, 0.36))).item(), 100 * 0.3)
-    assert_close(phase_reward.move_eef_above_leg(scene(tip=row(9, 9, 9))).item(), 100.0)
-    assert_close(phase_reward.lower_eef(scene(tip=row(0.1, 0.2, 0.095))).item(), 1000 * 0.1)
+    assert_close(potential("move_eef_above_leg", tip=row(0.1, 0.2, 0.36)), 100 * 0.3)
+    assert_close(potential("move_eef_above_leg", tip=row(9, 9, 9)), 100.0)
+    for phase in ("lower_eef", "grasp_leg"):
+        assert_close(potential(phase, tip=row(0.1, 0.2, 0.095)), 1000 * 0.1)
 
 
 def test_lift_leg_takes_height_and_plane_apart():
-    moved = scene(part=row(0.13, 0.24, 0.05))  # 6 cm under, 5 cm beside the lift point
-    assert_close(phase_reward.lift_leg(moved, row(*LIFT)).item(), 500 * 0.06 + 250 * 0.05)
-    assert_close(phase_reward.lift_leg(scene(part=row(9, 9, 9)), row(*LIFT)).item(), 500 * 0.5 + 250 * 0.8)
+    moved = row(0.13, 0.24, 0.05)  # 6 cm under, 5 cm beside the lift point
+    assert_close(potential("lift_leg", part=moved), 500 * 0.06 + 250 * 0.05)
+    assert_close(potential("lift_leg", part=row(9, 9, 9)), 500 * 0.5 + 250 * 0.8)
 
 
 def test_align_and_move_leg():
     lying = alignment(up=-0.5, forward=0.2)
-    assert_close(phase_reward.align_leg(lying, torch.tensor([0.7], dtype=torch.float64)).item(), 40 + 15.0)
-    assert_close(phase_reward.move_leg(scene(alignment=lying), 0.05).item(), 300 * 0.15 - 50 * 0.2)
-    far = scene(alignment=lying, moving_connector=row(5, 5, 5))
-    assert_close(phase_reward.move_leg(far, 0.05).item(), 300 * 0.5 - 50 * 0.2)
+    assert_close(potential("align_leg", alignment=lying, part=row(0.1, 0.2, 0.81)), 40 + 15.0)
+    assert_close(potential("move_leg", alignment=lying), 300 * 0.15 - 50 * 0.2)
+    assert_close(potential("move_leg", alignment=lying, moving_connector=row(5, 5, 5)), 300 * 0.5 - 50 * 0.2)
 
 
 def test_move_leg_fine():
-    found = phase_reward.move_leg_fine(alignment(0.04, 0.9, 0.8, -0.5, 0.25)).item()
+    found = potential("move_leg_fine", alignment=alignment(0.04, 0.9, 0.8, -0.5, 0.25))
     close, upright = 500 * math.exp(-1.0), 200 * (math.exp(-0.2) + math.exp(-0.4))
     assert_close(found, -(close + upright + 100 * (math.exp(-1.5) + math.exp(-2.25))))
+
+
+def test_what_is_measured_between_connectors():
+    """The moving one is turned by 60 degrees about x and lies at 3-4-5 in y and z from the target."""
+    vectors = torch.zeros(3, len(VECTORS), 1, dtype=torch.float64)
+    half, root = 0.5, math.sqrt(0.75)
+    named = {
+        "moving.y": (0, half, root), "moving.z": (0, -root, half), "target.x": (1, 0, 0),
+        "target.y": (0, 1, 0), "target.z": (0, 0, 1), "target.connector": (0, 0.03, 0.04), "start_target": (0, 0.03, 0),
+        "hand.origin": (0, 0, -0.02), "hand.y": (0, -1, 0), "moving.grasp_axis": (0, 0.6, 0.8),
+    }  # fmt: skip
+    for name, value in named.items():
+        vectors[:, VECTORS[name]] = row(*value).t()
+    found = {name: measured(vectors)[i, 0].item() for name, i in MEASURES.items()}
+    assert_close(found["gap"], 0.05)
+    assert_close(found["to_fine"], math.hypot(0.03, 0.04 + 0.05))
+    assert_close(found["target_moved"], 0.04)
+    assert_close([found["up"], found["forward"]], [0.5, 0.5])
+    assert_close(found["moving_projection"], -root * 0.6 + half * 0.8)
+    assert_close(found["target_projection"], 0.8)
+    assert_close([found["tip_over_grasp"], found["tip_to_below_height"]], [-0.02, 0.005])
+    assert_close(found["turn"], 0.6)
 
 
 @pytest.mark.parametrize(
@@ -125,16 +128,3 @@ def test_conditions_of_holding():
     assert not met("move_leg", alignment=upright, touching=OPEN, moving_connector=away)
     assert not met("move_leg", alignment=leaning, touching=OPEN, moving_connector=over)
     assert met("move_leg_fine", connected=OPEN) and not met("move_leg_fine")
-
-
-def test_grip_penalty_follows_the_phase():
-    leaning = scene(approach=row(0, 0.6, -0.8), closing=row(-0.5, math.sqrt(0.75), 0))
-    found = [phase_reward.grip_penalty(leaning, torch.tensor([phase])).item() for phase in range(8)]
-    assert_close(found, [4 * -0.2] + [4 * -0.2 + 2 * -0.5] * 4 + [0.0] * 3)
-
-
-@pytest.mark.parametrize("rise", [0.05, 0.27])
-def test_off_the_ground_is_a_centimetre_wherever_the_lift_point_is(rise):
-    lift_point, rise = row(0.0, 0.0, 0.03 + rise), torch.tensor([rise], dtype=torch.float64)
-    assert not phase_reward.off_ground(scene(part=row(0, 0, 0.0399)), lift_point, rise).item()
-    assert phase_reward.off_ground(scene(part=row(0, 0, 0.0401)), lift_point, rise).item()

@@ -180,7 +180,7 @@ def test_a_killed_chain_resumes_to_the_same_figures(tmp_path):
     shutil.copytree(tmp_path / "whole" / "runs", tmp_path / "killed" / "runs")
 
     chain = [demonstrations, "chain.rounds=1", "chain.steps_per_turn=512", "chain.trial_episodes=8"]
-    chain += ["chain.gate_on=chain"]  # what its trials gave is in memory alone
+    chain += ["chain.gate=chain"]  # what its trials gave is in memory alone
     files, chains = {}, {}
     for name in ("whole", "killed"):
         values = [*chain, *places(tmp_path, name)]

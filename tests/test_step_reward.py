@@ -1,15 +1,15 @@
-"""What one control step pays, on numbers worked by hand. Source of the figures: environment.md, "Dense reward"."""
+"""What one control step pays, on numbers worked by hand. Source of the figures: docs/task.md, "Dense reward"."""
 
 import math
 
 import gymnasium
 import pytest
 import torch
-from test_phase_reward import LIFT, NO, OPEN, START, alignment, row, scene
+from scenes import LIFT, NO, OPEN, START, alignment, row, scene
 from torch.testing import assert_close
 
 import tstar_envs
-from tstar_envs.tasks.phase_reward import Scene
+from tstar_envs.tasks.scene_reader import Scene
 from tstar_rl.env.furniture_env import FurnitureEnv
 
 
@@ -33,7 +33,7 @@ def reward(
         "start_target": row(0, 0, 0.1),
     }.items():
         before[name] = value
-    before["potential"] = task.step_reward.potentials(scene(), before)
+    before["potential"] = task.step_reward.potentials(scene())
     for name, value in state.items():
         before[name] = torch.full_like(before[name], value)
     action = row(*[0.0] * 7, grip, connect)
@@ -58,6 +58,14 @@ def test_a_met_condition_pays_a_bonus_and_begins_the_next_phase(task, phase, sha
 def test_closing_pays_in_the_grasp_phase_only(task):
     assert_close(reward(task, 3, scene(), grip=1.0)[0], 200 * 2.0 + 1.0)
     assert_close(reward(task, 2, scene(), grip=1.0)[0], -1.0)
+
+
+def test_a_tilted_or_turned_hand_costs_by_phase(task):
+    leaning = scene(approach=row(0, 0.6, -0.8), closing=row(-0.5, math.sqrt(0.75), 0))
+    costs = [reward(task, phase, leaning)[0] - reward(task, phase, scene())[0] for phase in range(1, 8)]
+    bonus = 5000.0  # that phase 0 pays for the upright hand alone
+    assert_close(reward(task, 0, leaning)[0] - reward(task, 0, scene())[0], 4 * -0.2 - bonus)
+    assert_close(costs, [4 * -0.2 + 2 * -0.5] * 4 + [0.0] * 3)
 
 
 def test_half_a_bonus_is_paid_once_for_lifting(task):

@@ -11,13 +11,13 @@ from torchrl.envs.utils import check_env_specs
 from transform_parts import FixedStarts, Slot
 
 from tstar_rl.rollouts.starts import MixedStarts
-from tstar_rl.spirl.skill_execution import SkillExecution
+from tstar_rl.spirl import LatentExecution
 from tstar_rl.transforms import EpisodeStart, GAILReward, RewardMixture, SkillChainReset, TerminalStateReward
 
 
-def repeat(skill, observation, step):
-    """A decoder: the skill is its action, every time."""
-    return skill
+def repeat(latent, observation, step):
+    """A decoder: the latent is the action, at every step."""
+    return latent
 
 
 # name: (how to make it, what it writes below "next", whether loose steps will do)
@@ -26,11 +26,11 @@ TRANSFORMS = {
     "GAILReward next": (lambda: GAILReward(Slot(), state="next"), "reward_gail", True),
     "TerminalStateReward": (lambda: TerminalStateReward(Slot()), "reward_tsr", True),
     "TerminalStateReward before": (lambda: TerminalStateReward(Slot(), score="before"), "reward_tsr", True),
-    "RewardMixture": (lambda: RewardMixture(lambda_2=0.0), "reward", True),
+    "RewardMixture": (lambda: RewardMixture({"env": 0.5}), "reward", True),
     "EpisodeStart": (EpisodeStart, "start_observation", False),
     "SkillChainReset": (lambda: SkillChainReset(FixedStarts()), None, False),
     "SkillChainReset mixed": (lambda: SkillChainReset(MixedStarts([FixedStarts()] * 2, [1, 7])), None, False),
-    "SkillExecution": (lambda: SkillExecution(repeat, 9, 2, skill_key="action"), "skill_steps", False),
+    "LatentExecution": (lambda: LatentExecution(repeat, 9, 2, latent_key="action"), "latent_steps", False),
 }
 contract = pytest.mark.parametrize("name", TRANSFORMS)
 

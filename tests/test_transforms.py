@@ -14,6 +14,7 @@ from tstar_rl.transforms import (
     RewardMixture,
     SkillChainReset,
     TerminalStateReward,
+    weighted,
 )
 
 
@@ -56,7 +57,7 @@ def test_running_mean_is_subtracted_and_saved():
 
 
 def test_mixture_sums_once_and_prints_its_weights():
-    mixture = RewardMixture(0.5, 0.25, 100.0, reward_scale=0.1, gail_scale=2.0)
+    mixture = RewardMixture({"env": 0.5, "gail": 0.25, "tsr": 100.0}, 0.1, scales={"gail": 2.0})
     assert mixture.effective_weights() == pytest.approx(
         {"reward_env": 0.05, "reward_gail": 0.05, "reward_tsr": 10.0}
     )
@@ -69,11 +70,14 @@ def test_mixture_sums_once_and_prints_its_weights():
 
 def test_mixture_reads_only_what_counts():
     batch = steps([0.0, 0.0], [0.0, 0.0], reward_env=[4.0, 2.0])
-    assert_close(RewardMixture(0.5, 0.0)(batch.clone())["next", "reward"], torch.tensor([[0.1], [0.05]]))
+    assert_close(
+        RewardMixture({"env": 0.5, "gail": 0.0})(batch.clone())["next", "reward"],
+        torch.tensor([[0.1], [0.05]]),
+    )
     with pytest.raises(
         KeyError, match="RewardMixture needs 'reward_gail'; got only observation, reward_env, success"
     ):
-        RewardMixture(0.5, 0.5)(batch)
+        RewardMixture({"env": 0.5, "gail": 0.5})(batch)
 
 
 def test_the_whole_stack_in_an_env(make_env, policy):
@@ -81,7 +85,7 @@ def test_the_whole_stack_in_an_env(make_env, policy):
         EpisodeStart(),
         GAILReward(Slot()),
         TerminalStateReward(Slot()),
-        RewardMixture(0.5, 0.5, 10.0, reward_scale=1.0),
+        RewardMixture({"env": 0.5, "gail": 0.5, "tsr": 10.0}, reward_scale=1.0),
     )
     rollout = TransformedEnv(make_env(), stack).rollout(6, policy, break_when_any_done=False)
     after = rollout["next"]
@@ -137,8 +141,16 @@ def test_draws_resume_from_the_state_dict():
         (lambda: TerminalStateReward(Slot(), baseline="mean"), "'none' or 'running_mean', got 'mean'"),
         (lambda: TerminalStateReward(Slot(), momentum=0.0), r"\(0, 1\], got 0.0"),
         (lambda: ConstantBonus(2.0), r"\[0, 1\].*got 2.0"),
-        (lambda: RewardMixture(0.0, 0.0), "nothing to learn from"),
-        (lambda: RewardMixture(float("nan")), "must be finite"),
+        (lambda: RewardMixture({"env": 0.0, "gail": 0.0}), "nothing to learn from"),
+        (lambda: RewardMixture({"env": float("nan")}), "must be finite"),
+        (
+            lambda: RewardMixture({"env": 1.0}, scales={"gail": 2.0}),
+            "reward.scales has gail, which .* it has env",
+        ),
+        (
+            lambda: weighted(RewardMixture({"env": 1.0}), {"own": GAILReward(Slot())}),
+            "has no own; it has env",
+        ),
         (lambda: SkillChainReset(FixedStarts(), probability=1.5), r"\[0, 1\], got 1.5"),
     ],
 )

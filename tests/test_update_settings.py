@@ -6,7 +6,7 @@ import pytest
 from hydra import compose, initialize_config_dir
 
 from tstar_rl.config.load import CONFIGS, settings
-from tstar_rl.spirl.update_policy import SkillPolicySettings
+from tstar_rl.spirl import LatentPolicySettings, ModelTrainingSettings
 from tstar_rl.updates import BehaviourCloningSettings, DiscriminatorSettings, PPOSettings
 
 
@@ -37,9 +37,11 @@ from tstar_rl.updates import BehaviourCloningSettings, DiscriminatorSettings, PP
             {"epochs": 0},
             "BehaviourCloningSettings.epochs must be at least 1, got 0",
         ),
-        (SkillPolicySettings, {"tau": 0.0}, r"SkillPolicySettings.tau must be in \(0, 1\], got 0.0"),
-        (SkillPolicySettings, {"updates": 0.0}, "SkillPolicySettings.updates must be positive, got 0.0"),
-        (SkillPolicySettings, {"first": 0}, "SkillPolicySettings.first must be at least 1, got 0"),
+        (LatentPolicySettings, {"tau": 0.0}, r"LatentPolicySettings.tau must be in \(0, 1\], got 0.0"),
+        (LatentPolicySettings, {"updates": 0.0}, "LatentPolicySettings.updates must be positive, got 0.0"),
+        (LatentPolicySettings, {"first": 0}, "LatentPolicySettings.first must be at least 1, got 0"),
+        (ModelTrainingSettings, {"held_out": 1.5}, r"held_out must be in \[0, 1\], got 1.5"),
+        (ModelTrainingSettings, {"beta": -0.1}, "ModelTrainingSettings.beta must be not negative, got -0.1"),
     ],
 )
 def test_a_number_out_of_range_is_named(kind, values, message):
@@ -50,7 +52,7 @@ def test_a_number_out_of_range_is_named(kind, values, message):
 def test_zeros_that_mean_none():
     PPOSettings(entropy_coeff=0.0, critic_coeff=0.0, critic_warmup=0, rate_warmup=0, gae_lambda=0.0)
     DiscriminatorSettings(gradient_penalty=0.0)
-    SkillPolicySettings(critic_warmup=0)
+    LatentPolicySettings(critic_warmup=0)
 
 
 @pytest.mark.parametrize("scale", [path.stem for path in (CONFIGS / "scale").glob("*.yaml")])
@@ -65,7 +67,8 @@ def test_those_of_every_scale_pass(scale):
 
 
 @pytest.mark.parametrize("scale", [path.stem for path in (CONFIGS / "spirl").glob("*.yaml")])
-def test_those_of_every_scale_of_skills_pass(scale):
+def test_those_of_every_scale_of_spirl_pass(scale):
     with initialize_config_dir(str(CONFIGS), version_base="1.3"):
         config = compose("recipe/spirl", [f"scale={scale}"])
-    settings(SkillPolicySettings, config.spirl.policy)
+    settings(LatentPolicySettings, config.spirl.policy)
+    settings(ModelTrainingSettings, config.spirl.model_training)

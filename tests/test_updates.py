@@ -15,11 +15,10 @@ from tstar_rl.transforms import RewardMixture
 from tstar_rl.updates import (
     BehaviourCloningSettings,
     DiscriminatorSettings,
+    DiscriminatorUpdate,
     PolicyUpdate,
     PPOSettings,
     behaviour_cloning,
-    make_d_omega_update,
-    make_f_phi_update,
 )
 
 SMALL = NetworkSettings(hidden=(32, 32), std="fixed", action_std=0.3, hand_std=0.3)
@@ -73,7 +72,7 @@ def test_ppo_learns_to_move(make_env):
         PPOSettings(minibatch=64, normalize_returns=True, **rates),
         skill.return_scale,
     )
-    reward = RewardMixture(1.0, 0.0, reward_scale=1.0)
+    reward = RewardMixture({"env": 1.0}, reward_scale=1.0)
     obs = TensorDict({"observation": torch.zeros(1, 72)}, [1])
     before = float(skill.policy.get_dist(obs).mean[0, 0].detach())
     for _ in range(10):
@@ -84,7 +83,7 @@ def test_ppo_learns_to_move(make_env):
 def test_critic_warmup_leaves_the_actor_alone(make_env):
     skill = small_skill()
     update = PolicyUpdate(skill.policy, skill.value, PPOSettings(critic_warmup=1), skill.return_scale)
-    collection, reward = rollouts(make_env, skill), RewardMixture(1.0, 0.0)
+    collection, reward = rollouts(make_env, skill), RewardMixture({"env": 1.0})
     policy, value = state_of(skill.policy), state_of(skill.value)
     log = update(reward(collection.rollout()))
     assert log["actor_steps"] == 0 and same(policy, state_of(skill.policy))
@@ -97,13 +96,13 @@ def test_kl_stop_holds_the_actor_and_not_the_critic(make_env):
     skill = small_skill()
     settings = PPOSettings(learning_rate=1e-2, kl_stop=1e-3, minibatch=64)
     update = PolicyUpdate(skill.policy, skill.value, settings, skill.return_scale)
-    log = update(RewardMixture(1.0, 0.0)(rollouts(make_env, skill).rollout()))
+    log = update(RewardMixture({"env": 1.0})(rollouts(make_env, skill).rollout()))
     assert log["kl"] > 1e-3
     assert log["actor_steps"] < log["critic_steps"] == 10 * 16 * 16 // 64
 
 
 def test_an_update_goes_on_from_its_state(make_env):
-    reward = RewardMixture(1.0, 0.0)
+    reward = RewardMixture({"env": 1.0})
     first = small_skill()
     collection = rollouts(make_env, first)
     batches = [reward(collection.rollout()).clone() for _ in range(2)]
@@ -128,20 +127,26 @@ def test_cloning_reproduces_a_linear_expert():
     assert log["bc_loss"] < 0.1 * float(actions.square().mean())
 
 
-@pytest.mark.parametrize("make_update", [make_f_phi_update, make_d_omega_update])
-def test_discriminators_learn_to_tell_apart(make_update):
+def test_a_discriminator_learns_to_tell_apart():
     torch.manual_seed(0)
     network = make_discriminator(72, hidden=(32,))
-    update = make_update(network, DiscriminatorSettings(learning_rate=1e-2, gradient_penalty=0.0))
-    positive, negative = torch.randn(200, 72) + 1, torch.randn(200, 72) - 1
-    update(positive, negative)
-    assert float(network(positive).mean()) > float(network(negative).mean()) + 0.5
+    settings = DiscriminatorSettings(learning_rate=1e-2, gradient_penalty=0.0)
+    update = DiscriminatorUpdate("d_omega", network, {"initiation": 1.0, "termination": 0.0}, settings)
+    high, low = torch.randn(200, 72) + 1, torch.randn(200, 72) - 1
+    log = update(termination=low, initiation=high)  # by name: their order does not matter
+    assert float(network(high).detach().mean()) > float(network(low).detach().mean()) + 0.5
+    assert log["d_omega_initiation_score"] > log["d_omega_termination_score"]
+    with pytest.raises(
+        TypeError, match="d_omega takes observations of initiation, termination; got expert, agent"
+    ):
+        update(expert=high, agent=low)
 
 
 def test_an_empty_set_is_no_update():
     network = make_discriminator(72)
     before = state_of(network)
-    assert make_d_omega_update(network, DiscriminatorSettings())(torch.zeros(0, 72), torch.zeros(3, 72)) == {}
+    update = DiscriminatorUpdate("f_phi", network, {"expert": 1.0, "agent": -1.0}, DiscriminatorSettings())
+    assert update(expert=torch.zeros(0, 72), agent=torch.zeros(3, 72)) == {}
     assert same(before, state_of(network))
 
 

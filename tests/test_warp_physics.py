@@ -120,6 +120,16 @@ def test_every_simulation_has_welds_of_its_own(device):
     assert_close(found[0], apart, atol=2e-3, rtol=0)
 
 
+def test_simulations_that_do_not_run_wait(device):
+    world, twin = (warp_worlds.make(device=device) for _ in range(2))
+    before, running = world.snapshot(), ~second(world)
+    actions = [torch.linspace(-1, 1, 9, dtype=torch.float64, device=device).repeat(3, 1)] * 4
+    for action, wanted in zip(actions, follow(twin, actions), strict=True):
+        world.step(action, running)
+        agree(device, [world.observation()[running]], [wanted[running, :-1]])
+        assert all(torch.equal(v[1], world.snapshot()[k][1]) for k, v in before.items(True, True))
+
+
 @pytest.mark.parametrize("value", [float("nan"), 1e12])
 def test_a_failed_simulation_ends_alone(device, value):
     world, twin = (warp_worlds.make(device=device) for _ in range(2))

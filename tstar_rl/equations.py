@@ -109,7 +109,7 @@ def gaussian_kl(loc: Tensor, scale: Tensor, other_loc: Tensor, other_scale: Tens
     return 0.5 * (ratio + shift - 1.0 - ratio.log()).sum(-1)
 
 
-def skill_reconstruction_loss(decoded: Tensor, actions: Tensor) -> Tensor:
+def latent_reconstruction_loss(decoded: Tensor, actions: Tensor) -> Tensor:
     """Minus the log likelihood of the actions under unit Gaussians around the decoded ones, less its constant.
 
     Args:
@@ -123,7 +123,7 @@ def skill_reconstruction_loss(decoded: Tensor, actions: Tensor) -> Tensor:
     return 0.5 * (decoded - actions).square().mean()
 
 
-def skill_regularisation_loss(loc: Tensor, scale: Tensor, beta: float) -> Tensor:
+def latent_regularisation_loss(loc: Tensor, scale: Tensor, beta: float) -> Tensor:
     """beta KL(q(z | a) || N(0, 1)).
 
     Args:
@@ -138,7 +138,7 @@ def skill_regularisation_loss(loc: Tensor, scale: Tensor, beta: float) -> Tensor
     return beta * gaussian_kl(loc, scale, torch.zeros_like(loc), torch.ones_like(scale)).mean()
 
 
-def skill_prior_loss(loc: Tensor, scale: Tensor, prior_loc: Tensor, prior_scale: Tensor) -> Tensor:
+def latent_prior_loss(loc: Tensor, scale: Tensor, prior_loc: Tensor, prior_scale: Tensor) -> Tensor:
     """KL(stop(q(z | a)) || p(z | s)): the prior follows the posterior, and the posterior does not mind.
 
     Args:

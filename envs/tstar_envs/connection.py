@@ -1,10 +1,11 @@
 """When two connectors are aligned, which connections are wrong, and how a weld is made.
 
-Source: environment.md, "Connecting".
+Source: docs/task.md, "Connection".
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
@@ -17,6 +18,8 @@ from tstar_envs.furniture.schema import Furniture
 MAX_DISTANCE = 0.02
 MIN_UP_COSINE = 0.99
 MIN_FORWARD_COSINE = 0.99
+ALIGNED = ((-math.inf, MAX_DISTANCE), (MIN_FORWARD_COSINE, math.inf), (MIN_UP_COSINE, math.inf))
+"""The connection rule as bounds, which are excluded: of distance, forward and up cosine."""
 
 
 class Alignment(NamedTuple):
@@ -49,7 +52,7 @@ def align(
         allowed_angles: (N, R), rad, turns about z that count as forward-aligned.
     """
     offset = target_pos - moving_pos
-    distance = offset.norm(dim=-1)
+    distance = offset.square().sum(-1).sqrt()
     line = offset / distance.clamp_min(1e-9).unsqueeze(-1)
     (_, forward, up), (across, along, above) = moving_axes.unbind(-1), target_axes.unbind(-1)
     turned = allowed_angles.cos() * _dot(forward, along) - allowed_angles.sin() * _dot(forward, across)

@@ -13,6 +13,7 @@ from torch import Tensor
 from tstar_envs.checks import whole_number
 from tstar_envs.experts.assembler import Assembler
 from tstar_envs.furniture import library
+from tstar_envs.physics.masks import write
 from tstar_envs.physics.simulators import make_physics
 from tstar_envs.scene import SUBSTEPS, build_model
 from tstar_envs.settings import TaskSettings
@@ -117,27 +118,32 @@ class BatchedEnvironment:
         self.task.begin_subtask(self.state, mask)
         self.task.begin_episode(self.state, mask)
 
-    def step(self, action: Tensor) -> None:
-        """One control step (0.1 s) of every simulation under actions (N, 9); values are clipped to [-1, 1]."""
+    def step(self, action: Tensor, running: Tensor | None = None) -> None:
+        """One control step (0.1 s) under actions (N, 9); values are clipped to [-1, 1].
+
+        Args:
+            action: (N, 9).
+            running: (N,) bool, the simulations to step, by default all. The others keep their state and whatever
+                their last step did, their actions are not read, and on the CPU they cost no physics. Those that run
+                do what they would do among all, to the bit.
+
+        Raises:
+            ValueError: actions or `running` of another shape, or an action that is NaN.
+        """
         if action.shape != (self.num_sims, NUM_ACTIONS):
             raise ValueError(
                 f"an action of {self.name} has shape ({self.num_sims}, {NUM_ACTIONS}): 7 joint velocities, gripper, "
                 f"connect for each simulation; got {tuple(action.shape)}"
             )
         action = action.to(torch.float64).clamp(-1.0, 1.0)
-        bad = action.isnan().any(dim=-1)
-        if bool(bad.any()):
-            raise ValueError(
-                f"an action of {self.name} is NaN in simulations {bad.nonzero().flatten().tolist()[:8]}"
-            )
+        if running is not None:
+            return self._step_some(action, self._mask(running))
+        self._check_numbers(action)
         self.task.before_step(self.state, action)
-        failed = self.physics.step(SUBSTEPS)
-        if bool(failed.any()):
-            self._bury(failed)
-        self.task.after_step(self.state, action, failed)
+        self._after(action, self.physics.step(SUBSTEPS))
 
     def observation(self) -> Tensor:
-        """Observation (N, O), float64; O is 37 and 7 for each part. Source: environment.md, "Observation"."""
+        """Observation (N, O), float64; O is 37 and 7 for each part. Source: docs/task.md, "Observation"."""
         return self.task.get_observation(self.state)
 
     def expert(self) -> Assembler:
@@ -192,6 +198,35 @@ class BatchedEnvironment:
                 f"episodes of {asked} of {self.name} cannot start from snapshots of subtask "
                 f"{found[wrong][0].item()}; take states in which a subtask of theirs begins"
             )
+
+    def _check_numbers(self, action: Tensor) -> None:
+        bad = action.isnan().any(dim=-1)
+        if bool(bad.any()):
+            raise ValueError(
+                f"an action of {self.name} is NaN in simulations {bad.nonzero().flatten().tolist()[:8]}"
+            )
+
+    def _mask(self, running: Tensor) -> Tensor:
+        if running.shape != (self.num_sims,) or running.dtype != torch.bool:
+            raise ValueError(
+                f"which simulations of {self.name} run is a mask of shape ({self.num_sims},), torch.bool; "
+                f"got {tuple(running.shape)}, {running.dtype}"
+            )
+        return running
+
+    def _step_some(self, action: Tensor, running: Tensor) -> None:
+        action = torch.where(running.unsqueeze(-1), action, 0.0)  # 0 does not ask to connect
+        self._check_numbers(action)
+        state, controls = self.state.clone(False), self.physics.ctrl.clone()
+        self.task.before_step(self.state, action)
+        write(self.physics.ctrl, controls, ~running)
+        self._after(action, self.physics.step(SUBSTEPS, running))
+        assign(self.state, state, ~running)
+
+    def _after(self, action: Tensor, failed: Tensor) -> None:
+        if bool(failed.any()):
+            self._bury(failed)
+        self.task.after_step(self.state, action, failed)
 
     def _bury(self, failed: Tensor) -> None:
         """Counts failed simulations and gives them a valid state to wait in for their reset."""

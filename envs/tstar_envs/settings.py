@@ -12,7 +12,7 @@ from typing import Any
 
 @dataclasses.dataclass(frozen=True)
 class TaskSettings:
-    """Settings of an assembly task. Source: environment.md unless a line says otherwise.
+    """Settings of an assembly task. Source: docs/task.md unless a line says otherwise.
 
     Lengths in m, angles in degrees where the name says so.
     """

@@ -6,7 +6,7 @@ from tstar_rl.config.build import (
     load_demonstrations,
     load_skill,
     new_skill,
-    new_skill_agent,
+    new_spirl_agent,
     skill_training,
 )
 from tstar_rl.config.chain import chain_length, chain_turns, load_skills
@@ -24,7 +24,7 @@ __all__ = [
     "load_skill",
     "load_skills",
     "new_skill",
-    "new_skill_agent",
+    "new_spirl_agent",
     "plain",
     "recipe",
     "settings",

@@ -8,7 +8,6 @@ from typing import Any
 import torch
 from omegaconf import DictConfig
 from torch import nn
-
 from torchrl.envs import TransformedEnv
 
 from tstar_rl.chaining.skill import NetworkSettings, Skill
@@ -26,8 +25,7 @@ from tstar_rl.runs import checkpoint
 from tstar_rl.runs.checkpoint import differences
 from tstar_rl.runs.run import Run
 from tstar_rl.seeds import derive_seed
-from tstar_rl.spirl.agent import SkillAgent
-from tstar_rl.spirl.skill_model import SkillModelSettings
+from tstar_rl.spirl import LatentModelSettings, SpirlAgent
 from tstar_rl.updates import BehaviourCloningSettings, PPOSettings
 
 __all__ = [
@@ -37,7 +35,7 @@ __all__ = [
     "load_skill",
     "make_collection",
     "new_skill",
-    "new_skill_agent",
+    "new_spirl_agent",
     "skill_training",
     "training_settings",
 ]
@@ -94,7 +92,7 @@ def new_skill(config: DictConfig, subtask: int | None) -> Skill:
     return skill.to(config.device)
 
 
-def new_skill_agent(config: DictConfig, subtask: int | None) -> SkillAgent:
+def new_spirl_agent(config: DictConfig, subtask: int | None) -> SpirlAgent:
     """An untrained agent of SPiRL, its weights drawn with the run's seed."""
     from tstar_rl.env.furniture_env import observation_dim, subtask_geometry
 
@@ -104,9 +102,8 @@ def new_skill_agent(config: DictConfig, subtask: int | None) -> SkillAgent:
             raise ValueError("networks.features of SPiRL needs one subtask: set subtask=0..")
         geometry = subtask_geometry(config.task.name, subtask)
     torch.manual_seed(derive_seed(config.seed, "networks", subtask))
-    model = settings(SkillModelSettings, config.spirl.model)
-    name, hidden = config.task.name, tuple(config.spirl.critic_hidden)
-    return SkillAgent(name, subtask, model, hidden, geometry, observation_dim(name)).to(config.device)
+    model, name = settings(LatentModelSettings, config.spirl.model), config.task.name
+    return SpirlAgent(name, subtask, model, observation_dim(name), geometry).to(config.device)
 
 
 def demonstrations_path(config: DictConfig, subtask: int | None, kind: str) -> Path:
@@ -135,10 +132,10 @@ def load_demonstrations(config: DictConfig, subtask: int | None) -> Demonstratio
     return found.to(config.device)
 
 
-def load_skill(path: str | Path, **expected: Any) -> Skill | SkillAgent:
+def load_skill(path: str | Path, **expected: Any) -> Skill | SpirlAgent:
     """What a recipe saved at `path`, whichever of the two it is; raises what their `load` does."""
     built = checkpoint.read_record(path)["built"]
-    return (SkillAgent if "critic_hidden" in built else Skill).load(path, **expected)
+    return (SpirlAgent if "latent_model" in built else Skill).load(path, **expected)
 
 
 def make_collection(

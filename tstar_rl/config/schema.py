@@ -11,9 +11,7 @@ from typing import Any, Literal
 from tstar_rl.chaining.skill import NetworkSettings
 from tstar_rl.models.exploration import Exploration
 from tstar_rl.rollouts.cluster import ClusterSettings
-from tstar_rl.spirl.skill_model import SkillModelSettings
-from tstar_rl.spirl.train_skill_model import SkillModelTraining
-from tstar_rl.spirl.update_policy import SkillPolicySettings
+from tstar_rl.spirl import LatentModelSettings, LatentPolicySettings, ModelTrainingSettings
 from tstar_rl.transforms import RewardMixture, TerminalStateReward
 from tstar_rl.updates import BehaviourCloningSettings, DiscriminatorSettings, PPOSettings
 
@@ -102,10 +100,9 @@ class EvaluationSection:
 class SpirlSection:
     """`configs/spirl`, of the recipe of that name."""
 
-    model: SkillModelSettings
-    training: SkillModelTraining
-    critic_hidden: tuple[int, ...]
-    policy: SkillPolicySettings
+    model: LatentModelSettings
+    model_training: ModelTrainingSettings
+    policy: LatentPolicySettings
     capacity: int
     num_envs: int
     max_steps: int

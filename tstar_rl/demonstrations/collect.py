@@ -6,9 +6,9 @@ import torch
 from tensordict import TensorDictBase
 from torchrl.envs import TransformedEnv
 
-from tstar_rl.rollouts.episodes import run_episodes
-from tstar_rl.demonstrations.file_check import KINDS
 from tstar_rl.demonstrations.data_set import Demonstrations
+from tstar_rl.demonstrations.file_check import KINDS
+from tstar_rl.rollouts.episodes import run_episodes
 
 __all__ = ["collect"]
 

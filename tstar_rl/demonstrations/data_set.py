@@ -14,7 +14,7 @@ import torch
 from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 
-from tstar_rl.demonstrations.file_check import ARRAYS, FORMAT_VERSION, HEADER, KINDS, DemonstrationError, read
+from tstar_rl.demonstrations.file_check import ARRAYS, FORMAT_VERSION, HEADER, DemonstrationError, read
 
 __all__ = ["Demonstrations"]
 

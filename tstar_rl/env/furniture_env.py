@@ -76,6 +76,7 @@ class FurnitureEnv(EnvBase):
     The success row of a subtask holds the state in which the next subtask begins.
 
     `reset` accepts injected starts: `("start", "snapshot")`, batch [N], and `("start", "use")` (N, 1) bool.
+    `step` accepts TorchRL's `_step` (N,) bool: simulations left out of it stay as they are and are paid 0.
 
     Args:
         task: furniture, e.g. `table_lack`.
@@ -237,10 +238,14 @@ class FurnitureEnv(EnvBase):
         return self._observe().update({name: running.clone() for name in _DONE_KEYS})
 
     def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
-        self.world.step(tensordict["action"])
+        running = tensordict.get("_step", None)
+        running = running if running is None else running.reshape(self.num_envs)
+        self.world.step(tensordict["action"], running)
         terminated, truncated = self.world.task.get_termination(self.world.state)
         out = self._observe()
-        out.set("reward_env", self.world.task.get_reward(self.world.state).float().unsqueeze(-1))
+        reward = self.world.task.get_reward(self.world.state)
+        reward = reward if running is None else reward * running
+        out.set("reward_env", reward.float().unsqueeze(-1))
         out.set("terminated", terminated.unsqueeze(-1)).set("truncated", truncated.unsqueeze(-1))
         return out.set("done", (terminated | truncated).unsqueeze(-1))
 

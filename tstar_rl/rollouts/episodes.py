@@ -24,12 +24,12 @@ def run_episodes(
     policy: Callable,
     each_step: Callable[[TensorDictBase], None] | None = None,
 ) -> TensorDictBase:
-    """One whole episode of every simulation, from a reset.
+    """One whole episode of every simulation, from a reset. A simulation whose episode has ended is not stepped.
 
     Args:
         env: from `with_starts`.
         policy: reads and writes TensorDicts; how it samples is the caller's affair.
-        each_step: called with every step's TensorDict, batch [N].
+        each_step: called with every step's TensorDict, batch [N]. A row is of use until its first "done".
 
     Returns:
         The last step of each episode, batch [N], in the order of the simulations.
@@ -38,7 +38,10 @@ def run_episodes(
     running = torch.ones(env.batch_size, dtype=torch.bool, device=tensordict.device)
     last: TensorDictBase | None = None
     while running.any():
-        tensordict = env.step(policy(tensordict))
+        tensordict = policy(tensordict)
+        if not running.all():
+            tensordict.set("_step", running.clone())
+        tensordict = env.step(tensordict)
         if each_step is not None:
             each_step(tensordict)
         ended = running & tensordict["next", "done"].squeeze(-1)

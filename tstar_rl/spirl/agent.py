@@ -1,139 +1,167 @@
-"""What SPiRL learns of a task: the skill model, and the policy that chooses among its skills."""
+"""The agent of SPiRL, and the run that trains it."""
 
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import torch
 from tensordict import TensorDictBase
-from tensordict.nn import TensorDictModuleBase
-from torch import nn
-from torchrl.modules import ProbabilisticActor
+from torchrl.envs import TransformedEnv
 
-from tstar_rl.env.layout import FIVE_PARTS
 from tstar_rl.models.normalizer import Normalizer
 from tstar_rl.models.relative_features import RelativeFeatures
 from tstar_rl.models.state_input import StateInput
+from tstar_rl.rollouts.collection import Collection, rollout_metrics
 from tstar_rl.runs import checkpoint
-from tstar_rl.spirl.skill_model import (
-    SkillCritic,
-    SkillModel,
-    SkillModelSettings,
-    SkillPrior,
-    make_skill_actor,
-    make_skill_critic,
-)
+from tstar_rl.runs.run import Run
+from tstar_rl.spirl.latent_execution import LatentPolicy
+from tstar_rl.spirl.model import LatentModel, LatentModelSettings, LatentPrior, make_latent_actor
 
-__all__ = ["SkillAgent", "SkillPolicy"]
+__all__ = ["SpirlAgent", "SpirlTraining"]
 
 
-class SkillPolicy(TensorDictModuleBase):
-    """One step at a time: map from "observation", "step_count" to "skill", "action".
+class SpirlAgent:
+    """The latent model of one task or subtask, and the policy over its latents.
 
-    Every H steps of an episode the actor chooses a skill; it stays in the TensorDict, from step to step, until the next
-    choice. Sampling follows TorchRL's `set_exploration_type`.
-
-    Args:
-        actor: "observation" -> "skill".
-        decoder: skill, observation, step in 0 .. H-1 -> action.
-        horizon: H.
-    """
-
-    def __init__(self, actor: ProbabilisticActor, decoder: nn.Module, horizon: int) -> None:
-        super().__init__()
-        self.in_keys, self.out_keys = ["observation", "step_count"], ["skill", "action"]
-        self.actor, self.decoder, self.horizon = actor, decoder, horizon
-
-    def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
-        """tensordict: batch [N] -> the same with "skill" (N, Z) and "action" (N, 9)."""
-        step = tensordict["step_count"].squeeze(-1) % self.horizon
-        skill, chosen = tensordict.get("skill", None), self.actor(tensordict.select("observation"))["skill"]
-        skill = chosen if skill is None else torch.where((step == 0).unsqueeze(-1), chosen, skill)
-        action = self.decoder(skill, tensordict["observation"], step)
-        return tensordict.set("skill", skill).set("action", action)
-
-
-class SkillAgent:
-    """Skill model, actor and critic of one task or subtask.
-
-    The critic is an image: `SkillPolicyUpdate` makes those that it trains after it, and keeps them. It is not saved.
+    `actor` chooses a latent for H steps. `policy` acts with it step by step, as evaluation needs.
 
     Args:
         task: furniture.
         subtask: 0-based; None for the whole task.
-        settings: of the skill model.
-        critic_hidden: sizes of the critic.
+        settings: of the latent model.
+        obs_dim: O, the numbers in an observation of the task.
         geometry: what `FurnitureEnv.features(subtask)` gives, if the networks are to see `RelativeFeatures`.
-        obs_dim: numbers in an observation of the task, `features.observation_size` of its parts.
     """
 
     def __init__(
         self,
         task: str,
         subtask: int | None,
-        settings: SkillModelSettings,
-        critic_hidden: tuple[int, ...] = (256, 256),
+        settings: LatentModelSettings,
+        obs_dim: int,
         geometry: dict[str, Any] | None = None,
-        obs_dim: int = FIVE_PARTS,
     ) -> None:
         self.task, self.subtask, self.settings = task, subtask, settings
-        self.critic_hidden, self.geometry, self.obs_dim = critic_hidden, geometry, obs_dim
+        self.obs_dim, self.geometry = obs_dim, geometry
         self.normalizer = Normalizer(obs_dim)
         features = RelativeFeatures(geometry) if geometry is not None else None
-        state = StateInput(obs_dim, self.normalizer, features)
-        self.model = SkillModel(settings, state)
-        self.network = SkillPrior(settings, state)
-        self.actor = make_skill_actor(self.network)
-        self.critic = make_skill_critic(SkillCritic(settings, critic_hidden, state))
-        self.policy = SkillPolicy(self.actor, self.model.decoder, settings.horizon)
+        self.state = StateInput(obs_dim, self.normalizer, features)
+        self.model = LatentModel(settings, self.state)
+        self.network = LatentPrior(settings, self.state)
+        self.actor = make_latent_actor(self.network)
+        self.policy = LatentPolicy(self.actor, self.model.decoder, settings.horizon)
 
     def start_from_prior(self) -> None:
         """Makes the policy equal to the prior. Source: SPiRL's appendix."""
         self.network.load_state_dict(self.model.prior.state_dict())
 
-    def to(self, device: torch.device | str) -> "SkillAgent":
+    def to(self, device: torch.device | str) -> "SpirlAgent":
         """Moves the networks to a device, in place."""
-        for module in (self.model, self.network, self.critic):
+        for module in (self.model, self.network):
             module.to(device)
         return self
 
     def state_dict(self) -> dict[str, Any]:
-        """Skill model and actor, with the normaliser inside."""
+        """Latent model and policy network; both hold the normaliser."""
         return {"model": dict(self.model.state_dict()), "network": dict(self.network.state_dict())}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
-        """What `state_dict` gave; an untrained critic, which agents used to save beside it, is left aside."""
+        """Takes what `state_dict` gave."""
         self.model.load_state_dict(state["model"])
         self.network.load_state_dict(state["network"])
 
     def save(self, path: str | Path, **record: Any) -> None:
-        """Writes the agent, and beside it plain values that say what it is."""
+        """Writes the agent, and a record of plain values that says what it is."""
         built = {
-            "settings": asdict(self.settings),
-            "critic_hidden": list(self.critic_hidden),
-            "geometry": checkpoint.to_plain(self.geometry),
+            "latent_model": asdict(self.settings),
             "obs_dim": self.obs_dim,
+            "geometry": checkpoint.to_plain(self.geometry),
         }
         record = {"task": self.task, "subtask": self.subtask, "built": built, **record}
         checkpoint.save(path, {"agent": self}, record)
 
     @classmethod
-    def load(cls, path: str | Path, **expected: Any) -> "SkillAgent":
+    def load(cls, path: str | Path, **expected: Any) -> "SpirlAgent":
         """Builds the agent saved at `path`.
 
         Raises:
             FileNotFoundError: if there is none.
-            CheckpointMismatchError: if what is `expected` (task=..., subtask=...) is not what it was saved with.
+            CheckpointMismatchError: if a value in `expected` (task=..., subtask=...) is not the saved one.
         """
         record = checkpoint.read_record(path, **expected)
         built = record["built"]
         agent = cls(
             record["task"],
             record["subtask"],
-            SkillModelSettings(**checkpoint.to_tuples(built["settings"])),
-            tuple(built["critic_hidden"]),
+            LatentModelSettings(**checkpoint.to_tuples(built["latent_model"])),
+            built["obs_dim"],
             checkpoint.to_tensors(built["geometry"]),
-            built.get("obs_dim", FIVE_PARTS),
         )
         checkpoint.load(path, {"agent": agent}, **expected)
         return agent
+
+
+class SpirlTraining:
+    """The bookkeeping of one run of SPiRL: log, checkpoints, resuming, seeds, and which agents are kept.
+
+    `is_new` tells whether the run begins here. If it resumes, its agent has been through the first stage.
+
+    Args:
+        config: plain values of the recipe; its section "spirl" has the budget.
+        agent: that is trained.
+        env: plays one latent per step, see `LatentExecution`.
+        seed: of everything that is drawn from torch's generator.
+        **components: what else a checkpoint must hold to resume, with `state_dict`.
+
+    Raises:
+        ValueError: if the rollouts are to come from a cluster; the decoder acts inside this process.
+        CheckpointMismatchError: when resuming a run that had another config.
+    """
+
+    def __init__(
+        self, config: Mapping[str, Any], agent: SpirlAgent, env: TransformedEnv, seed: int, **components: Any
+    ) -> None:
+        backend = config["collection"]["backend"]
+        if backend != "local":
+            raise ValueError(f"SPiRL runs with collection.backend=local only, got {backend!r}")
+        self.agent, self.seed, self.system = agent, seed, config["system"]
+        self.total, self.save_every = config["spirl"]["total_steps"], config["spirl"]["checkpoint_every"]
+        self.run = Run(config, config["subtask"], self.total)
+        # Nothing depends on the total, so it is not recorded: a run may be resumed with a larger one.
+        self.run.record["spirl"] = {k: v for k, v in config["spirl"].items() if k != "total_steps"}
+        self.collection = Collection(env, agent.actor, 1)
+        self.steps = self.run.start(agent=agent, collection=self.collection, **components)
+        self.is_new = self.steps == 0
+        if self.is_new:
+            torch.manual_seed(seed)
+
+    def log_model(self, row: Mapping[str, float]) -> None:
+        """Logs a row of the first stage, in which no environment step is taken."""
+        self.run.log(0, **row)
+
+    def keep(self, name: str) -> None:
+        """Saves the agent as the checkpoint `name`."""
+        self.agent.save(self.run.work / name, recipe=self.system, env_steps=self.steps)
+
+    def rollouts(self) -> Iterator[TensorDictBase]:
+        """Rollouts (N, 1), one latent of each simulation, until the budget is spent; then closes the run.
+
+        Each must be logged with `log` before the next is asked for.
+        """
+        if self.is_new:
+            torch.manual_seed(self.seed)  # what is drawn here does not depend on how the model was trained
+        while self.steps < self.total:
+            rollout = self.collection.rollout()
+            self.steps += int(rollout["next", "latent_steps"].sum())
+            yield rollout
+        self.collection.close()
+        self.keep("last")
+        self.run.finish()
+
+    def log(self, rollout: TensorDictBase, log: Mapping[str, float]) -> None:
+        """Logs a rollout (N, 1) with its rewards, keeps the agent if it is the best so far, saves if it is time."""
+        self.run.log(self.steps, **rollout_metrics(rollout), **log, **self.collection.counts())
+        if self.run.improved:
+            self.keep("best")
+        self.run.save_if_due(self.save_every)

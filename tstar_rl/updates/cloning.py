@@ -12,7 +12,7 @@ from tstar_rl.checks import check_ranges
 
 @dataclass(frozen=True)
 class BehaviourCloningSettings:
-    """Source: environment.md ("BC 1000 epochs, batch 256, Adam 1e-4") for the defaults."""
+    """Source: docs/task.md, "Training figures" (BC), for the defaults."""
 
     epochs: int = 1000
     minibatch: int = 256

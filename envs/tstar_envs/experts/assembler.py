@@ -1,7 +1,7 @@
 """The scripted assembly policy: what to do next is read off the scene alone, so it can start from any state.
 
 Reach over the part, lower, close, lift, turn the connector upright over the target, lower finely, connect. It acts
-through the same nine actions as any policy. Source: environment.md, "Scripted demonstrations".
+through the same nine actions as any policy. Source: docs/task.md, "Expert".
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from tstar_envs.physics.view import PhysicsView
 from tstar_envs.robots import sawyer
 from tstar_envs.tasks.actions import CONNECT, GRIPPER, NUM_ACTIONS
 from tstar_envs.tasks.assembly import Assembly
-from tstar_envs.tasks.phase_reward import Scene
+from tstar_envs.tasks.scene_reader import Scene
 
 RATE = 6.0
 """Proportional gain, 1/s: at 10 Hz a step closes 60% of an error."""

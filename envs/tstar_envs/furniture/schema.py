@@ -3,7 +3,7 @@
 Lengths in m, angles in rad, quaternions (w, x, y, z) of unit length, poses (x, y, z, w, x, y, z). Everything is
 frozen, and checked when it is made: a `Furniture` that exists is consistent.
 
-Source: reference, environment.md "Scene" and "Connecting".
+Source: docs/task.md, "Scene" and "Connection".
 """
 
 from __future__ import annotations

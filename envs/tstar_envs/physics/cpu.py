@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import contextlib
 import warnings
+from collections.abc import Sequence
 
 import mujoco
 import numpy as np
 import torch
 from mujoco import batch as mj_batch
 from torch import Tensor
+
+from tstar_envs.physics.state_row import side_by_side
 
 _CURRENT = mujoco.mjtStage.mjSTAGE_VEL.value
 """Stage computed after every call: positions, velocities and their sensors (not accelerations)."""
@@ -55,11 +58,16 @@ class CpuPhysics:
         sensor = self.model.sensor(name)
         return self._sensors[:, sensor.adr[0] : sensor.adr[0] + sensor.dim[0]]
 
-    def step(self, substeps: int) -> Tensor:
-        return self._advance(None, substeps)
+    def sensors(self, names: Sequence[str]) -> Tensor:
+        return self._sensors[:, side_by_side(self.model, names)]
+
+    def step(self, substeps: int, mask: Tensor | None = None) -> Tensor:
+        if mask is None:
+            return self._advance(None, substeps)
+        return self._advance(mask.numpy(), substeps) & mask
 
     def settle(self, mask: Tensor, substeps: int) -> Tensor:
-        return self._advance(mask.numpy(), substeps)
+        return self.step(substeps, mask)
 
     def forward(self, mask: Tensor | None = None) -> None:
         # An error leaves the state untouched: the next step meets it again and reports it as a failure.

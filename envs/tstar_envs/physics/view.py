@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Protocol
 
 import torch
@@ -42,8 +43,12 @@ class PhysicsView(Protocol):
         """Readings of a sensor, (N, dim)."""
         ...
 
-    def step(self, substeps: int) -> Tensor:
-        """Advances every simulation; returns the mask (N,) of those that failed in this call."""
+    def sensors(self, names: Sequence[str]) -> Tensor:
+        """Readings of sensors that lie side by side in the model, in this order, (N, sum of dims); a live view."""
+        ...
+
+    def step(self, substeps: int, mask: Tensor | None = None) -> Tensor:
+        """Advances the simulations of `mask` (N,), by default all; returns the mask (N,) of those that failed."""
         ...
 
     def forward(self, mask: Tensor | None = None) -> None:
@@ -51,7 +56,10 @@ class PhysicsView(Protocol):
         ...
 
     def settle(self, mask: Tensor, substeps: int) -> Tensor:
-        """Advances the simulations of `mask` alone; returns the mask (N,) of those that failed."""
+        """Advances the simulations of `mask` while parts come to rest; returns the mask (N,) of those that failed.
+
+        Unlike `step` it raises, where a simulator has too little room for parts at rest.
+        """
         ...
 
     def clear(self, mask: Tensor) -> None:

@@ -12,6 +12,7 @@ by one simulator, rounded to single precision, is a start for the other.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
@@ -20,7 +21,7 @@ import torch
 from torch import Tensor
 
 from tstar_envs.physics.masks import write
-from tstar_envs.physics.state_row import row_size, row_slice
+from tstar_envs.physics.state_row import row_size, row_slice, side_by_side
 from tstar_envs.physics.warp_engine import libraries, look, without_sensors
 from tstar_envs.physics.warp_graph import Recorded
 from tstar_envs.physics.warp_scene import room, warp_model
@@ -94,12 +95,19 @@ class WarpPhysics:
         sensor = self.model.sensor(name)
         return self._sensors[:, sensor.adr[0] : sensor.adr[0] + sensor.dim[0]]
 
-    def step(self, substeps: int) -> Tensor:
+    def sensors(self, names: Sequence[str]) -> Tensor:
+        return self._sensors[:, side_by_side(self.model, names)]
+
+    def step(self, substeps: int, mask: Tensor | None = None) -> Tensor:
+        before = None if mask is None else (self.state(), self.eq_data.clone())
         failed, cramped = self._advance(substeps)
         self._steps += 1
         if self._steps % CHECKED_EVERY == 0:
             self.check_room()
-        return failed | cramped
+        if mask is None or before is None:
+            return failed | cramped
+        self.set_state(*before, ~mask)
+        return (failed | cramped) & mask
 
     def settle(self, mask: Tensor, substeps: int) -> Tensor:
         before, welds = self.state(), self.eq_data.clone()

@@ -8,7 +8,7 @@ environment, each measured to hold a grasp better or to step faster:
   set-back finger links, so that a grasped part touches pads only;
 * collision geometry on the wrist, the hand and the fingers alone: nothing else of the arm comes near the work.
 
-Source: sawyer figures of the reference; docs/decisions/0005-physics.md.
+Source: docs/task.md, "Scene"; docs/decisions/0005-physics.md.
 """
 
 from __future__ import annotations

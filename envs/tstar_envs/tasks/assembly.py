@@ -1,6 +1,6 @@
 """Furniture assembly as a batched task: observation, subtasks, connections, reward, termination.
 
-Source: environment.md.
+Source: docs/task.md.
 """
 
 from __future__ import annotations
@@ -10,15 +10,16 @@ from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 
 from tstar_envs import geometry
-from tstar_envs.connection import WrongPairs, align
+from tstar_envs.connection import WrongPairs
 from tstar_envs.furniture.schema import Furniture
 from tstar_envs.physics.view import PhysicsView
 from tstar_envs.robots import sawyer
 from tstar_envs.settings import TaskSettings
 from tstar_envs.tasks.actions import CONNECT, GRIPPER
 from tstar_envs.tasks.episode_start import EpisodeStarts
-from tstar_envs.tasks.phase_reward import PHASES, Scene
+from tstar_envs.tasks.phase_reward import PHASES
 from tstar_envs.tasks.recipe_tables import RecipeTables
+from tstar_envs.tasks.scene_reader import Scene, SceneReader
 from tstar_envs.tasks.step_reward import StepReward, moved
 from tstar_envs.tasks.task import BatchedTask
 
@@ -40,20 +41,21 @@ class Assembly(BatchedTask):
         self.last_subtask = self.tables.num_steps - 1 if subtask is None else subtask
         self.step_limit = settings.max_steps * (self.tables.num_steps if subtask is None else 1)
         self._wrong = WrongPairs(furniture, physics.device)
-        self._rows = torch.arange(physics.num_sims, device=physics.device)
+        self._reader = SceneReader(self.tables, physics, furniture.part_names)
         self._speeds = settings.velocity_scale * torch.tensor(
             sawyer.JOINT_SPEEDS, dtype=torch.float64, device=physics.device
         )
         self._open = torch.tensor(sawyer.FINGER_OPEN, dtype=torch.float64, device=physics.device)
-        self._closed = torch.tensor(sawyer.FINGER_CLOSED, dtype=torch.float64, device=physics.device)
-        self._touch = [
-            [physics.sensor(f"{finger}_touches_{part}") for part in furniture.part_names]
-            for finger in sawyer.FINGERS
-        ]
-        self._sensors = {
-            name: physics.sensor(name)
-            for name in ("grip_pos", "hand_quat", "grip_linvel", "grip_angvel", "tip_pos")
-        }
+        self._stroke = (
+            torch.tensor(sawyer.FINGER_CLOSED, dtype=torch.float64, device=physics.device) - self._open
+        )
+        joints = sawyer.NUM_JOINTS
+        self._arm, self._fingers = physics.ctrl[:, :joints], physics.ctrl[:, joints:]
+        self._observed = [  # live views, in the order of the observation; the phase follows
+            physics.qpos[:, :joints], physics.qvel[:, :joints], physics.qpos[:, joints:_ROBOT_QPOS],
+            physics.sensors(("grip_pos", "hand_quat", "grip_linvel", "grip_angvel")), physics.qpos[:, _ROBOT_QPOS:],
+        ]  # fmt: skip
+        self._phases = torch.eye(len(PHASES), dtype=torch.float64, device=physics.device)
 
     @property
     def part_poses(self) -> Tensor:
@@ -89,30 +91,31 @@ class Assembly(BatchedTask):
         """Sets what the reward remembers for the subtask that `state` names, in the simulations of `mask`."""
         scene = self.scene(state)
         fresh = self.new_state()
+        fresh["subtask"] = state["subtask"]
         fresh["phase"].fill_(1 if self.settings.reset_robot else 0)
         fresh["grip_action"].fill_(-1.0)
         fresh["start_tip"].copy_(scene.tip)
         fresh["start_target"].copy_(scene.target_connector)
         fresh["lift_point"].copy_(scene.part + self.tables.waypoint[self.tables.step_index(state["subtask"])])
-        fresh["potential"].copy_(self.step_reward.potentials(scene, fresh))
+        fresh["potential"].copy_(self.step_reward.potentials(self.scene(fresh)))
         kept = ("subtask", "episode_step", "completed", "reward", "success", "wrong", "failed", "disturbed")
         assign(state, fresh.exclude(*kept), mask)
 
     def before_step(self, state: TensorDict, action: Tensor) -> None:
         grip = action[:, GRIPPER : GRIPPER + 1]
         closed = (grip > 0).double() if self.settings.gripper == "sign" else (grip + 1) / 2
-        self.physics.ctrl[:, : sawyer.NUM_JOINTS] = action[:, : sawyer.NUM_JOINTS] * self._speeds
-        self.physics.ctrl[:, sawyer.NUM_JOINTS :] = self._open + closed * (self._closed - self._open)
+        self._arm.copy_(action[:, : sawyer.NUM_JOINTS] * self._speeds)
+        self._fingers.copy_(self._open + closed * self._stroke)
 
     def after_step(self, state: TensorDict, action: Tensor, failed: Tensor) -> None:
-        scene = self.scene(state)
+        scene, sound = self.scene(state), ~failed
         state["episode_step"] = state["episode_step"] + 1
-        asks = (action[:, CONNECT] > 0) & ~failed
-        connected = asks & scene.touching & scene.alignment.aligned
-        state["wrong"] = self._wrong_connection(state, asks & ~connected)
+        asks = (action[:, CONNECT] > 0) & sound
+        connected = asks & scene.touching & scene.aligned
+        state["wrong"] = self._wrong_connection(state, scene, asks & ~connected)
         state["failed"] = failed
-        state["reward"] = self.step_reward.pay(state, scene, action, connected) * ~failed
-        state["disturbed"] = moved(state, scene) > DISTURBED
+        state["reward"] = self.step_reward.pay(state, scene, action, connected) * sound
+        state["disturbed"] = moved(scene) > DISTURBED
         state["success"] = connected & (state["subtask"] == self.last_subtask)
         if bool(connected.any()):
             self._connect(state, connected)
@@ -127,46 +130,11 @@ class Assembly(BatchedTask):
         return terminated, (state["episode_step"] >= self.step_limit) & ~terminated
 
     def get_observation(self, state: TensorDict) -> Tensor:
-        robot = self.physics.qpos[:, :_ROBOT_QPOS]
-        phase = torch.nn.functional.one_hot(state["phase"], len(PHASES))
-        sensors = self._sensors
-        return torch.cat(
-            [
-                robot[:, : sawyer.NUM_JOINTS], self.physics.qvel[:, : sawyer.NUM_JOINTS], robot[:, sawyer.NUM_JOINTS :],
-                sensors["grip_pos"], sensors["hand_quat"], sensors["grip_linvel"], sensors["grip_angvel"],
-                self.physics.qpos[:, _ROBOT_QPOS:], phase,
-            ],
-            dim=-1,
-        )  # fmt: skip
+        return torch.cat([*self._observed, self._phases.index_select(0, state["phase"])], dim=-1)
 
     def scene(self, state: TensorDict) -> Scene:
         """What the simulations look like to the subtask that each is at."""
-        tables, k, rows = self.tables, self.tables.step_index(state["subtask"]), self._rows
-        poses = self.part_poses
-        moving, target = poses[rows, tables.moving[k]], poses[rows, tables.target[k]]
-        quats = torch.stack([moving[:, 3:], target[:, 3:], self._sensors["hand_quat"]])
-        frame, target_frame, hand = geometry.quat_to_matrix(quats)
-        held, goal = frame @ tables.moving_columns[k], target_frame @ tables.target_columns[k]
-        connector, target_connector = moving[:, :3] + held[..., 0], target[:, :3] + goal[..., 0]
-        return Scene(
-            tip=self._sensors["tip_pos"],
-            approach=hand[:, :, 2],
-            closing=hand[:, :, 1],
-            part=moving[:, :3],
-            grasp_point=moving[:, :3] + held[..., 4],
-            grasp_axis=held[..., 5],
-            grip_direction=tables.grip_direction[k],
-            moving_connector=connector,
-            target_connector=target_connector,
-            alignment=align(
-                connector, held[..., 1:4], target_connector, goal[..., 1:4], tables.allowed_angles[k]
-            ),
-            touching=(self.touches() & tables.group[k]).any(-1).all(0),
-        )
-
-    def touches(self) -> Tensor:
-        """(2, N, parts) bool: which finger touches which part."""
-        return torch.stack([torch.cat(finger, dim=-1) for finger in self._touch]) > 0
+        return self._reader.read(state)
 
     def connect_ideally(self, subtask: int, mask: Tensor) -> None:
         """Moves step `subtask`'s part, and what is welded to it, to its ideal pose in the simulations of `mask`."""
@@ -175,11 +143,11 @@ class Assembly(BatchedTask):
         pose = torch.cat(geometry.compose_pose(target[:, :3], target[:, 3:], ideal[:3], ideal[3:]), dim=-1)
         self.part_poses[mask] = self.tables.move_group(subtask, self.part_poses, pose)[mask]
 
-    def _wrong_connection(self, state: TensorDict, asks: Tensor) -> Tensor:
-        held = self.touches().all(0)
+    def _wrong_connection(self, state: TensorDict, scene: Scene, asks: Tensor) -> Tensor:
+        held = scene.touches.all(1)
         suspects = asks & held.any(-1)
         if not bool(suspects.any()):
-            return torch.zeros_like(asks)
+            return suspects
         return suspects & self._wrong.made(self.part_poses, held, self.tables.step_index(state["subtask"]))
 
     def _connect(self, state: TensorDict, mask: Tensor) -> None:

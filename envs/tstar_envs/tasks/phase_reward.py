@@ -1,20 +1,22 @@
 """The dense reward of one subtask: eight phases, each a potential to lower and a condition to meet.
 
 A phase's *potential* is its clipped distances times their coefficients; the reward of a step is ten times what the
-potential of the current phase fell by, and a bonus when its condition holds. Everything is computed for all eight
-phases at once, (N, 8), and the current one is picked, so no shape depends on data.
+potential of the current phase fell by, and a bonus when its condition holds. Both are tables over what is measured
+(`measures`): everything is computed for all eight phases at once, (N, 8), and the current one is picked, so no shape
+depends on data.
 
-Source: environment.md, "Dense reward of one subtask".
+Source: docs/task.md, "Dense reward of one subtask".
 """
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
-from tstar_envs.connection import Alignment
+from tstar_envs.tasks.measures import MEASURES
 
 PHASES = (
     "init_eef",
@@ -29,138 +31,152 @@ PHASES = (
 BONUS = 5000.0
 BONUS_SHARES = (1.0, 1.0, 1.0, 1.0, 1.0, 2.0, 2.0, 2.0)
 DIFFERENCE_SCALE = 10.0
-ABOVE, BELOW = 0.05, 0.015
-"""Height of the way point above the grasp point, and of the grasping tip below it, m."""
 MIN_GRIP_COSINE = 0.95
-OFF_GROUND = 0.01
-"""Height above its start at which a lifted part earns half a bonus, m."""
 
 
-class Scene(NamedTuple):
-    """What the reward looks at; positions in m, world frame."""
+class Term(NamedTuple):
+    """A measure m, clipped to [least, most]; with a rate, exp(-rate * |m - best|) of it, `best` a bound of m."""
 
-    tip: Tensor  # (N, 3) between the finger tips
-    approach: Tensor  # (N, 3) the hand's z axis
-    closing: Tensor  # (N, 3) the hand's y axis
-    part: Tensor  # (N, 3) the moving part
-    grasp_point: Tensor  # (N, 3)
-    grasp_axis: Tensor  # (N, 3)
-    grip_direction: Tensor  # (N, 3) the approach direction asked for while grasping
-    moving_connector: Tensor  # (N, 3)
-    target_connector: Tensor  # (N, 3)
-    alignment: Alignment
-    touching: Tensor  # (N,) bool, both fingers on the moving part or on what is welded to it
+    measure: str
+    most: float = math.inf
+    least: float = -math.inf
+    rate: float = 0.0
+    best: float = 0.0
 
 
-def potentials(scene: Scene, start_tip: Tensor, lift_point: Tensor, z_finedist: float) -> Tensor:
-    """Potential of each phase, (N, 8)."""
-    lift = (scene.part - lift_point).norm(dim=-1)
-    return torch.stack(
-        [
-            init_eef(scene, start_tip),
-            move_eef_above_leg(scene),
-            lower_eef(scene),
-            lower_eef(scene),
-            lift_leg(scene, lift_point),
-            align_leg(scene.alignment, lift),
-            move_leg(scene, z_finedist),
-            move_leg_fine(scene.alignment),
-        ],
-        dim=-1,
-    )
+def _far(measure: str, most: float) -> Term:
+    """A distance, counted up to `most`."""
+    return Term(measure, most)
 
 
-def init_eef(scene: Scene, start_tip: Tensor) -> Tensor:
-    """Potential (N,) of phase 0: the tip near where the subtask began."""
-    return -100.0 * torch.exp(-10.0 * (scene.tip - start_tip).norm(dim=-1).clamp_max(0.5))
+def _near(measure: str, rate: float, most: float = math.inf) -> Term:
+    """Grows to 1 as a distance, counted up to `most`, falls to 0."""
+    return Term(measure, most, rate=rate)
 
 
-def move_eef_above_leg(scene: Scene) -> Tensor:
-    """Potential (N,) of phase 1: the tip to a point above the grasp point."""
-    return 100.0 * (scene.tip - _raised(scene.grasp_point, ABOVE)).norm(dim=-1).clamp_max(1.0)
+def _parallel(measure: str, rate: float) -> Term:
+    """Grows to 1 as a cosine does."""
+    return Term(measure, rate=rate, best=1.0)
 
 
-def lower_eef(scene: Scene) -> Tensor:
-    """Potential (N,) of phases 2 and 3: the tip to a point below the grasp point."""
-    return 1000.0 * (scene.tip - _raised(scene.grasp_point, -BELOW)).norm(dim=-1).clamp_max(0.2)
+_LOWER = ((1000.0, _far("tip_to_below", 0.2)),)
+POTENTIALS: dict[str, tuple[tuple[float | Term, ...], ...]] = {
+    "init_eef": ((-100.0, _near("tip_to_start", 10.0, 0.5)),),
+    "move_eef_above_leg": ((100.0, _far("tip_to_above", 1.0)),),
+    "lower_eef": _LOWER,
+    "grasp_leg": _LOWER,
+    "lift_leg": (
+        (500.0, _far("part_to_lift_height", 0.5)),
+        (250.0, _far("part_to_lift_plane", 0.8)),
+    ),
+    "align_leg": ((100.0, _far("part_to_lift", 0.4)), (-50.0, Term("up"), Term("forward"))),
+    "move_leg": (
+        (300.0, _far("to_fine", 0.5)),
+        (-50.0, Term("up", least=0.0), Term("forward", least=0.0)),
+    ),
+    "move_leg_fine": (
+        (-500.0, _near("gap", 25.0)),
+        (-200.0, _parallel("up", 2.0), _parallel("forward", 2.0)),
+        (-100.0, _parallel("moving_projection", 3.0), _parallel("target_projection", 3.0)),
+    ),
+}
+"""Of each phase: summands, each a coefficient and the terms whose sum it multiplies."""
+
+_GRIP_DOWN = ("down", MIN_GRIP_COSINE, math.inf)
+_GRIP = (_GRIP_DOWN, ("turn", MIN_GRIP_COSINE, math.inf))
+_UPRIGHT = (("up", 0.85, math.inf), ("forward", 0.85, math.inf), "touching")
 
 
-def lift_leg(scene: Scene, lift_point: Tensor) -> Tensor:
-    """Potential (N,) of phase 4: the part to the lift point."""
-    offset = scene.part - lift_point
-    return 500.0 * offset[:, 2].abs().clamp_max(0.5) + 250.0 * offset[:, :2].norm(dim=-1).clamp_max(0.8)
+def _below(measure: str, most: float) -> tuple[str, float, float]:
+    return measure, -math.inf, most
 
 
-def align_leg(alignment: Alignment, lift_distance: Tensor) -> Tensor:
-    """Potential (N,) of phase 5: connectors parallel, near the lift point."""
-    return 100.0 * lift_distance.clamp_max(0.4) - 50.0 * (alignment.up_cosine + alignment.forward_cosine)
+CONDITIONS: dict[str, tuple[str | tuple[str, float, float], ...]] = {
+    "init_eef": (_below("tip_to_start", 0.03), _GRIP_DOWN, "hand_open"),
+    "move_eef_above_leg": (_below("tip_to_above", 0.03), *_GRIP, "hand_open"),
+    "lower_eef": (
+        _below("tip_to_below_plane", 0.02), _below("tip_to_below_height", 0.015), *_GRIP, "hand_open",
+    ),
+    "grasp_leg": ("touching", _below("tip_over_grasp", 0.0), *_GRIP),
+    "lift_leg": (_below("part_to_lift_height", 0.02), _below("part_to_lift_plane", 0.05), *_GRIP),
+    "align_leg": (_below("part_to_lift", 0.2), *_UPRIGHT),
+    "move_leg": (_below("to_fine", 0.06), *_UPRIGHT),
+    "move_leg_fine": ("connected",),
+}  # fmt: skip
+"""Of each phase: what has to hold, a flag by name or a measure between two bounds (bounds excluded)."""
+_FLAGS = ("touching", "hand_open", "connected")
 
 
-def move_leg(scene: Scene, z_finedist: float) -> Tensor:
-    """Potential (N,) of phase 6: the connector to a point above its target."""
-    cosines = scene.alignment.up_cosine.clamp_min(0) + scene.alignment.forward_cosine.clamp_min(0)
-    return 300.0 * _fine_distance(scene, z_finedist).clamp_max(0.5) - 50.0 * cosines
+class PhaseTables:
+    """`POTENTIALS` and `CONDITIONS` as tensors on `device`."""
+
+    def __init__(self, device: torch.device):
+        self._potentials = _Potentials(device)
+        self._conditions = _Conditions(device)
+
+    def potentials(self, measures: Tensor) -> Tensor:
+        """Potential of each phase, (N, 8), of what is measured, (M, N)."""
+        return self._potentials(measures)
+
+    def conditions(self, measures: Tensor, touching: Tensor, hand_open: Tensor, connected: Tensor) -> Tensor:
+        """Whether each phase's condition holds, (8, N) bool; the flags are (N,) bool."""
+        return self._conditions(measures, torch.stack([touching, hand_open, connected]))
 
 
-def move_leg_fine(alignment: Alignment) -> Tensor:
-    """Potential (N,) of phase 7: connectors together, parallel, on one line."""
-    close = 500.0 * torch.exp(-25.0 * alignment.distance)
-    cosines = torch.stack([alignment.up_cosine, alignment.forward_cosine])
-    projections = torch.stack([alignment.moving_projection, alignment.target_projection])
-    upright = 200.0 * torch.exp(-2.0 * (1 - cosines)).sum(0)
-    over = 100.0 * torch.exp(-3.0 * (1 - projections.abs())).sum(0)
-    return -(close + upright + over)
+class _Potentials:
+    """Terms first, each once; then the sums: two terms of a summand, three summands of a phase."""
+
+    def __init__(self, device: torch.device):
+        used = {term for phase in POTENTIALS.values() for summand in phase for term in summand[1:]}
+        terms = sorted((term for term in used if isinstance(term, Term)), key=lambda term: term.rate > 0)
+        terms.insert(0, Term("gap", most=0.0, least=0.0))  # stands where there is nothing to add
+        self._plain = sum(term.rate == 0 for term in terms)
+        decaying = terms[self._plain :]
+
+        def row(values: list[float]) -> Tensor:
+            return torch.tensor(values, dtype=torch.float64, device=device).unsqueeze(-1)
+
+        self._rows = torch.tensor([MEASURES[term.measure] for term in terms], device=device)
+        self._sign = row([-1.0 if term.measure.endswith("projection") else 1.0 for term in terms])
+        self._least, self._most = row([term.least for term in terms]), row([term.most for term in terms])
+        self._best = row([term.best for term in decaying])
+        self._rate = row([term.rate if term.best else -term.rate for term in decaying])
+        places, factors = [], []
+        for phase in PHASES:
+            for summand in [*POTENTIALS[phase], (0.0,), (0.0,)][:3]:
+                found = [terms.index(term) for term in summand[1:] if isinstance(term, Term)]
+                places += [*found, 0, 0][:2]
+                factors.append(summand[0])
+        self._places = torch.tensor(places, device=device)
+        self._factors = torch.tensor(factors, dtype=torch.float64, device=device).view(len(PHASES), 3, 1)
+
+    def __call__(self, measures: Tensor) -> Tensor:
+        found = measures.index_select(0, self._rows)
+        found = torch.maximum(found, found * self._sign).clamp(self._least, self._most)
+        decaying = torch.exp((found[self._plain :] - self._best) * self._rate)
+        terms = torch.cat([found[: self._plain], decaying])
+        summands = terms.index_select(0, self._places).view(len(PHASES), 3, 2, -1).sum(2)
+        return (summands * self._factors).sum(1).t().contiguous()
 
 
-def conditions(
-    scene: Scene,
-    start_tip: Tensor,
-    lift_point: Tensor,
-    z_finedist: float,
-    hand_open: Tensor,
-    connected: Tensor,
-) -> Tensor:
-    """Whether each phase's condition holds, (N, 8) bool."""
-    to_lower = scene.tip - _raised(scene.grasp_point, -BELOW)
-    to_lift = scene.part - lift_point
-    upright = (scene.alignment.up_cosine > 0.85) & (scene.alignment.forward_cosine > 0.85) & scene.touching
-    down = (scene.approach * scene.grip_direction).sum(-1) > MIN_GRIP_COSINE
-    gripping = down & ((scene.closing * scene.grasp_axis).sum(-1).abs() > MIN_GRIP_COSINE)
-    at_start = (scene.tip - start_tip).norm(dim=-1) < 0.03
-    above = (scene.tip - _raised(scene.grasp_point, ABOVE)).norm(dim=-1) < 0.03
-    lowered = (to_lower[:, :2].norm(dim=-1) < 0.02) & (to_lower[:, 2].abs() < 0.015)
-    held = scene.touching & (scene.tip[:, 2] < scene.grasp_point[:, 2])
-    lifted = (to_lift[:, 2].abs() < 0.02) & (to_lift[:, :2].norm(dim=-1) < 0.05)
-    return torch.stack(
-        [
-            at_start & down & hand_open,
-            above & gripping & hand_open,
-            lowered & gripping & hand_open,
-            held & gripping,
-            lifted & gripping,
-            (to_lift.norm(dim=-1) < 0.2) & upright,
-            (_fine_distance(scene, z_finedist) < 0.06) & upright,
-            connected,
-        ],
-        dim=-1,
-    )
+class _Conditions:
+    """Each bound and flag once; then, of each phase, whether all of its own hold."""
 
+    def __init__(self, device: torch.device):
+        bounds = list(
+            dict.fromkeys(b for phase in CONDITIONS.values() for b in phase if not isinstance(b, str))
+        )
+        order = [*bounds, *_FLAGS]
+        longest = max(len(phase) for phase in CONDITIONS.values())
+        places = [[order.index(b) for b in CONDITIONS[phase]] for phase in PHASES]
+        self._rows = torch.tensor([MEASURES[measure] for measure, _, _ in bounds], device=device)
+        edges = torch.tensor([edges for _, *edges in bounds], dtype=torch.float64, device=device)
+        self._least, self._most = edges.t().unsqueeze(-1)
+        filled = [row + row[-1:] * (longest - len(row)) for row in places]
+        self._places = torch.tensor(filled, device=device).flatten()
+        self._shape = (len(PHASES), longest, -1)
 
-def off_ground(scene: Scene, lift_point: Tensor, rise: Tensor) -> Tensor:
-    """Whether the part is a centimetre above where it lay, (N,) bool; the lift point is `rise` (N,), m, above that."""
-    return scene.part[:, 2] > lift_point[:, 2] - rise + OFF_GROUND
-
-
-def grip_penalty(scene: Scene, phase: Tensor) -> Tensor:
-    """Reward (at most 0) for the hand's axes while a part is taken, (N,)."""
-    tilt = 4.0 * ((scene.approach * scene.grip_direction).sum(-1) - 1) * (phase <= 4)
-    turn = 2.0 * ((scene.closing * scene.grasp_axis).sum(-1).abs() - 1) * ((phase >= 1) & (phase <= 4))
-    return tilt + turn
-
-
-def _fine_distance(scene: Scene, z_finedist: float) -> Tensor:
-    return (scene.moving_connector - _raised(scene.target_connector, z_finedist)).norm(dim=-1)
-
-
-def _raised(point: Tensor, height: float) -> Tensor:
-    return torch.cat([point[..., :2], point[..., 2:] + height], dim=-1)
+    def __call__(self, measures: Tensor, flags: Tensor) -> Tensor:
+        found = measures.index_select(0, self._rows)
+        held = torch.cat([(found > self._least) & (found < self._most), flags])
+        return held.index_select(0, self._places).view(self._shape).all(1)

@@ -32,12 +32,6 @@ class RecipeTables:
         self.target_frame = geometry.quat_to_matrix(self.target_connector[:, 3:])
         self.grasp_point = rows(grasp.point for grasp in grasps)
         self.grasp_axis = rows(grasp.axis for grasp in grasps)
-        self.moving_columns = _columns(
-            self.moving_connector[:, :3], self.moving_frame, self.grasp_point, self.grasp_axis
-        )
-        """(K, 3, 6), moving part's frame: connector, its three axes, grasp point, grasp axis."""
-        self.target_columns = _columns(self.target_connector[:, :3], self.target_frame)
-        """(K, 3, 4), target part's frame: connector and its three axes."""
         self.grip_direction = rows(step.grip_angle for step in furniture.steps)
         self.waypoint = rows(step.waypoint for step in furniture.steps)
         angles = rows(step.angle for step in furniture.steps)
@@ -71,11 +65,6 @@ class RecipeTables:
             pos, quat = geometry.relative_pose(old[:, :3], old[:, 3:], poses[:, i, :3], poses[:, i, 3:])
             poses[:, i] = torch.cat(geometry.compose_pose(pose[:, :3], pose[:, 3:], pos, quat), dim=-1)
         return poses
-
-
-def _columns(*vectors: Tensor) -> Tensor:
-    """Vectors (K, 3) and frames (K, 3, 3) side by side, to turn them all at once."""
-    return torch.cat([v if v.ndim == 3 else v.unsqueeze(-1) for v in vectors], dim=-1)
 
 
 def _part_indices(furniture: Furniture, names: list[str], device: torch.device) -> Tensor:

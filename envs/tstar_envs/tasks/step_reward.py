@@ -1,6 +1,6 @@
 """What one control step pays: the phases of `phase_reward` picked by each simulation's phase, and what pays always.
 
-Source: environment.md, "Dense reward of one subtask".
+Source: docs/task.md, "Dense reward of one subtask".
 """
 
 from __future__ import annotations
@@ -13,8 +13,15 @@ from tstar_envs.robots import sawyer
 from tstar_envs.settings import TaskSettings
 from tstar_envs.tasks import phase_reward
 from tstar_envs.tasks.actions import CONNECT, GRIPPER
-from tstar_envs.tasks.phase_reward import Scene
+from tstar_envs.tasks.measures import MEASURES
+from tstar_envs.tasks.phase_reward import PHASES, PhaseTables
 from tstar_envs.tasks.recipe_tables import RecipeTables
+from tstar_envs.tasks.scene_reader import Scene
+
+_BONUS, _JOINING, _CLOSING, _ASKING, _GRIP = range(5)
+_HAND_PAYS = slice(5, 7)
+_HAND = slice(MEASURES["down"], MEASURES["down"] + 2)  # and "turn"
+_GRASP, _LIFT, _FINE = (PHASES.index(name) for name in ("grasp_leg", "lift_leg", "move_leg_fine"))
 
 
 class StepReward:
@@ -24,17 +31,31 @@ class StepReward:
     """
 
     def __init__(self, tables: RecipeTables, device: torch.device, settings: TaskSettings):
-        self.tables = tables
-        self._bonuses = phase_reward.BONUS * torch.tensor(
-            phase_reward.BONUS_SHARES, dtype=torch.float64, device=device
-        )
+        self.phases = PhaseTables(device)
         self._pays_skipped = settings.skipped_phases == "paid"
-        remaining = self._bonuses.flip(0).cumsum(0).flip(0)  # of a phase and those after it
-        self._joining = remaining if self._pays_skipped else self._bonuses[-1:].expand_as(self._bonuses)
+        bonuses = [phase_reward.BONUS * share for share in phase_reward.BONUS_SHARES]
+        remaining = [sum(bonuses[i:]) for i in range(len(PHASES))]  # of a phase and those after it
+        joining = remaining if self._pays_skipped else bonuses[-1:] * len(PHASES)
+        numbers = range(len(PHASES))
+        rows = (
+            bonuses,
+            joining,
+            [200.0 * (i == _GRASP) for i in numbers],  # what closing pays
+            [10.0 * (i == _FINE) for i in numbers],  # asking to connect
+            [-1.0 if i < _GRASP else 1.0 for i in numbers],  # the gripper's action
+            [4.0 * (i <= _LIFT) for i in numbers],  # a tilted hand
+            [2.0 * (1 <= i <= _LIFT) for i in numbers],  # a turned one
+        )
+        self._by_phase = torch.tensor(rows, dtype=torch.float64, device=device)  # (7, 8)
 
-    def potentials(self, scene: Scene, state: TensorDict) -> Tensor:
+        def number(value: float) -> Tensor:
+            return torch.tensor(value, dtype=torch.float64, device=device)
+
+        self._half, self._dropping, self._none = number(0.5 * bonuses[_LIFT]), number(20.0), number(0.0)
+
+    def potentials(self, scene: Scene) -> Tensor:
         """Potential of each phase, (N, 8)."""
-        return phase_reward.potentials(scene, state["start_tip"], state["lift_point"], self.tables.z_finedist)
+        return self.phases.potentials(scene.measures)
 
     def pay(self, state: TensorDict, scene: Scene, action: Tensor, connected: Tensor) -> Tensor:
         """Reward (N,) of the step that led to `scene`; moves `phase`, `potential` and what was paid on in `state`.
@@ -43,47 +64,43 @@ class StepReward:
         from any phase. With skipped phases paid it pays what the phases left out would have, so that a policy that
         joins early does not earn less than one that lifts, aligns and then fails; unpaid, the last bonus alone.
         """
-        phase, grip = state["phase"], action[:, GRIPPER]
-        potential = self.potentials(scene, state)
-        carrying = phase >= 4
-        fall = (state["potential"] - potential).gather(-1, phase.unsqueeze(-1)).squeeze(-1)
-        lost = carrying & ~scene.touching & ~connected
-        difference = phase_reward.DIFFERENCE_SCALE * torch.where(lost, fall.clamp_max(0), fall)
-        difference = difference + 200.0 * (grip - state["grip_action"]) * (phase == 3)
+        phase, half_paid, grip, none = state["phase"], state["half_paid"], action[:, GRIPPER], self._none
+        by_phase = self._by_phase.index_select(1, phase)
+        potential, not_connected, at = self.potentials(scene), ~connected, phase.unsqueeze(0)
+        fall = (state["potential"] - potential).gather(-1, at.t()).squeeze(-1)
+        lost = (phase >= _LIFT) & ~scene.touching & not_connected
+        difference = phase_reward.DIFFERENCE_SCALE * torch.where(lost, torch.minimum(fall, none), fall)
+        difference = difference + (grip - state["grip_action"]) * by_phase[_CLOSING]
 
-        met = phase_reward.conditions(
-            scene, state["start_tip"], state["lift_point"], self.tables.z_finedist, grip < 0, connected
-        )
-        done = met.gather(-1, phase.unsqueeze(-1)).squeeze(-1) | connected
-        paid = torch.where(connected, self._joining[phase], self._bonuses[phase]) * done
-        rise = self.tables.waypoint[self.tables.step_index(state["subtask"]), 2]
-        off_ground = phase_reward.off_ground(scene, state["lift_point"], rise)
-        raised = ~state["half_paid"] & (phase == 4) & off_ground
+        met = self.phases.conditions(scene.measures, scene.touching, grip < none, connected)
+        done = met.gather(0, at).squeeze(0) | connected
+        raised = (phase == _LIFT) & scene.raised
         if self._pays_skipped:
-            raised = raised | (~state["half_paid"] & connected & (phase <= 4))
-        asking = 10.0 * (action[:, CONNECT] + 1) * ((phase == 7) & scene.alignment.aligned & ~connected)
-        bonus = paid + 0.5 * self._bonuses[4] * raised + asking - state["asked"] * connected
+            raised = raised | (connected & (phase <= _LIFT))
+        raised = raised & ~half_paid
+        asking = torch.where(
+            scene.aligned & not_connected, (action[:, CONNECT] + 1.0) * by_phase[_ASKING], none
+        )
+        paid = torch.where(done, torch.where(connected, by_phase[_JOINING], by_phase[_BONUS]), none)
+        paid = (
+            paid
+            + torch.where(raised, self._half, none)
+            + asking
+            - torch.where(connected, state["asked"], none)
+        )
 
-        every_step = _every_step(state, scene, action, lost)
-        state["half_paid"] = state["half_paid"] | raised
+        always = by_phase[_GRIP] * grip - 0.001 * torch.linalg.vector_norm(
+            action[:, : sawyer.NUM_JOINTS], dim=-1
+        )
+        always = always - 50.0 * moved(scene) + ((scene.measures[_HAND] - 1.0) * by_phase[_HAND_PAYS]).sum(0)
+        always = always - torch.where(lost, self._dropping, none)
+        state["half_paid"] = half_paid | raised
         state["asked"] = state["asked"] + asking
         state["potential"], state["grip_action"] = potential, grip.clone()
-        state["phase"] = (phase + (done & ~connected)).clamp_max(len(phase_reward.PHASES) - 1)
-        return difference + bonus + every_step
+        state["phase"] = (phase + (done & not_connected)).clamp_max(len(PHASES) - 1)
+        return difference + paid + always
 
 
-def moved(state: TensorDict, scene: Scene) -> Tensor:
+def moved(scene: Scene) -> Tensor:
     """How far the target connector is from where it was when the subtask began, m, (N,)."""
-    return (scene.target_connector - state["start_target"]).norm(dim=-1)
-
-
-def _every_step(state: TensorDict, scene: Scene, action: Tensor, lost: Tensor) -> Tensor:
-    """What every control step pays, (N,): control, gripper, moved target, tilted grip, dropped part."""
-    grip = action[:, GRIPPER]
-    return (
-        -0.001 * action[:, : sawyer.NUM_JOINTS].norm(dim=-1)
-        + torch.where(state["phase"] <= 2, -grip, grip)
-        - 50.0 * moved(state, scene)
-        + phase_reward.grip_penalty(scene, state["phase"])
-        - 20.0 * lost
-    )
+    return scene.measure("target_moved")

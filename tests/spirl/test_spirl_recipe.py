@@ -6,7 +6,7 @@ from test_recipes import demonstrations, kill_after, places, run  # noqa: F401  
 
 SMALL = [
     "subtask=0",
-    "spirl.training.epochs=2",
+    "spirl.model_training.epochs=2",
     "spirl.num_envs=8",
     "spirl.policy.first=16",
     "spirl.policy.minibatch=16",

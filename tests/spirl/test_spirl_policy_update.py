@@ -1,4 +1,4 @@
-"""SPiRL's policy over skills: the regularised loss on numbers worked by hand, and its updates."""
+"""SPiRL's second stage: the regularised loss on numbers worked by hand, and its updates."""
 
 import copy
 
@@ -10,13 +10,13 @@ from torch import nn
 from torch.testing import assert_close
 from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
 
-from tstar_rl.spirl.prior_regularised_sac import PriorRegularisedSACLoss
-from tstar_rl.spirl.skill_model import make_skill_actor, make_skill_critic
-from tstar_rl.spirl.update_policy import SkillPolicySettings, SkillPolicyUpdate
+from tstar_rl.spirl import LatentPolicySettings, LatentPolicyUpdate
+from tstar_rl.spirl.model import make_latent_actor, make_latent_critic
+from tstar_rl.spirl.policy_update import PriorRegularisedSACLoss
 
 
 class Fixed(nn.Module):
-    """A Gaussian at the same place whatever the state, or a critic that is the sum of a skill."""
+    """A Gaussian at the same place whatever the state, for a policy or a prior."""
 
     def __init__(self, loc, scale):
         super().__init__()
@@ -32,12 +32,12 @@ def make_loss(loc, scale, prior_loc, prior_scale, alpha, target=5.0):
             super().__init__()
             self.value = nn.Parameter(torch.tensor([2.0]))
 
-        def forward(self, obs, skill):
+        def forward(self, obs, latent):
             return self.value.expand(*obs.shape[:-1], 1)
 
     loss = PriorRegularisedSACLoss(
-        make_skill_actor(Fixed(loc, scale)),
-        make_skill_critic(Constant()),
+        make_latent_actor(Fixed(loc, scale)),
+        make_latent_critic(Constant()),
         Fixed(prior_loc, prior_scale),
         target,
         alpha,
@@ -50,7 +50,7 @@ class TestPriorRegularisedSAC:
     batch = TensorDict(
         {
             "observation": torch.zeros(2, 72),
-            "skill": torch.zeros(2, 1),
+            "latent": torch.zeros(2, 1),
             "next": {
                 "observation": torch.zeros(2, 72),
                 "reward": torch.tensor([[1.0], [1.0]]),
@@ -78,8 +78,7 @@ class TestPriorRegularisedSAC:
 
     def test_the_prior_is_not_trained(self):
         agent = make_agent()
-        loss = PriorRegularisedSACLoss(agent.actor, agent.critic, agent.model.prior, 5.0)
-        own = {id(p) for p in loss.parameters()}
+        own = {id(p) for p in LatentPolicyUpdate(agent, LatentPolicySettings()).loss.parameters()}
         assert not own & {id(p) for p in agent.model.parameters()}
 
     def test_a_target_that_is_not_positive_is_refused(self):
@@ -88,30 +87,30 @@ class TestPriorRegularisedSAC:
 
 
 def transitions(agent, n=64):
-    """Skills of which the first number is the reward; every episode is one skill long."""
+    """Latents of which the first number is the reward; every episode is one latent long."""
     torch.manual_seed(1)
-    skill, yes = torch.randn(n, agent.settings.latent), torch.ones(n, 1, dtype=torch.bool)
+    latent, yes = torch.randn(n, agent.settings.latent_dim), torch.ones(n, 1, dtype=torch.bool)
     following = {
         "observation": torch.zeros(n, 72),
-        "reward": skill[:, :1].clone(),
+        "reward": latent[:, :1].clone(),
         "done": yes,
         "terminated": yes,
     }
     buffer = TensorDictReplayBuffer(storage=LazyTensorStorage(n))
-    buffer.extend(TensorDict({"observation": torch.zeros(n, 72), "skill": skill, "next": following}, [n]))
+    buffer.extend(TensorDict({"observation": torch.zeros(n, 72), "latent": latent, "next": following}, [n]))
     return buffer
 
 
-class TestSkillPolicyUpdate:
-    settings = SkillPolicySettings(
-        first=32, minibatch=32, learning_rate=1e-2, target_divergence=1.0, alpha=0.5
+class TestLatentPolicyUpdate:
+    settings = LatentPolicySettings(
+        critic_hidden=(16,), first=32, minibatch=32, learning_rate=1e-2, target_divergence=1.0, alpha=0.5
     )
 
     def make(self, **changes):
         agent = make_agent()
         agent.start_from_prior()
-        settings = SkillPolicySettings(**{**vars(self.settings), **changes})
-        return agent, SkillPolicyUpdate(agent.actor, agent.critic, agent.model.prior, settings)
+        settings = LatentPolicySettings(**{**vars(self.settings), **changes})
+        return agent, LatentPolicyUpdate(agent, settings)
 
     def test_the_policy_moves_to_what_pays(self):
         agent, update = self.make()

@@ -1,4 +1,4 @@
-"""Skills drawn from a prior, played and drawn."""
+"""Latents drawn from a prior, played and drawn."""
 
 import torch
 from spirl_agent import make_agent
@@ -7,7 +7,7 @@ from torch.testing import assert_close
 from tstar_rl import FurnitureEnv
 from tstar_rl.demonstrations.data_set import Demonstrations
 from tstar_rl.rollouts.collection import with_starts
-from tstar_rl.spirl.plots import draw_skills, moments, play_skills
+from tstar_rl.spirl.figures import draw_latents, evenly_spread_rows, play_latents
 
 
 def demonstration(env: FurnitureEnv, steps: int) -> Demonstrations:
@@ -24,20 +24,20 @@ def demonstration(env: FurnitureEnv, steps: int) -> Demonstrations:
     )
 
 
-def test_moments_are_of_the_last_demonstration_and_leave_room_for_a_skill():
+def test_rows_are_of_the_last_demonstration_and_leave_room_for_a_latent():
     expert = Demonstrations.__new__(Demonstrations)
     expert.lengths = torch.tensor([7, 21])
-    assert moments(expert, 3, 10).tolist() == [7, 12, 17]
+    assert evenly_spread_rows(expert, 3, 10).tolist() == [7, 12, 17]
 
 
-def test_skills_are_played_from_the_demonstrated_state_and_drawn(tmp_path):
+def test_latents_are_played_from_the_demonstrated_state_and_drawn(tmp_path):
     env = FurnitureEnv("table_lack", 2, 0, nthread=1, seed=0)
     expert = demonstration(env, 9)
     agent = make_agent()
-    paths = play_skills(agent, with_starts(env), expert, torch.tensor([3]))
-    assert paths.groupby("skill").size().to_dict() == {-1: 5, 0: 5, 1: 5}
+    paths = play_latents(agent, with_starts(env), expert, torch.tensor([3]))
+    assert paths.groupby("latent").size().to_dict() == {-1: 5, 0: 5, 1: 5}
     shown = paths[paths.step == 0][["x", "y", "z"]].to_numpy()
     assert_close(torch.tensor(shown).float(), expert.observations[3, 16:19].expand(3, -1), atol=1e-4, rtol=0)
-    last = paths[paths.step == 4].set_index("skill")[["x", "y", "z"]]
+    last = paths[paths.step == 4].set_index("latent")[["x", "y", "z"]]
     assert (last.loc[0] - last.loc[1]).abs().max() > 1e-5, "two draws do two things"
-    assert draw_skills(paths, tmp_path / "skills.png").stat().st_size > 1000
+    assert draw_latents(paths, tmp_path / "latents.png").stat().st_size > 1000

@@ -1,0 +1,35 @@
+"""Plays latents drawn from the prior of a SPiRL run, from demonstrated states: latents.csv and latents.png.
+
+python recipes/plot_latents.py task=table_lack subtask=0 seed=0
+"""
+
+import torch
+from omegaconf import DictConfig
+
+from tstar_rl.config.build import environment, load_demonstrations
+from tstar_rl.config.load import recipe
+from tstar_rl.runs.run_folder import run_path
+from tstar_rl.seeds import derive_seed
+from tstar_rl.spirl import SpirlAgent
+from tstar_rl.spirl.figures import draw_latents, evenly_spread_rows, play_latents
+
+
+@recipe("plot_latents", checkpoint=str, states=int, draws=int)
+def main(config: DictConfig) -> None:
+    """Plays the latents, writes the paths of the grip and draws them."""
+    place = (config.task.name, "spirl", config.seed, config.subtask)
+    agent = SpirlAgent.load(run_path(config.runs_dir, *place) / config.checkpoint, task=config.task.name)
+    agent.to(config.device)
+    expert = load_demonstrations(config, config.subtask)
+    rows = evenly_spread_rows(expert, config.states, agent.settings.horizon)
+    seed = derive_seed(config.seed, "evaluate", config.subtask)
+    torch.manual_seed(seed)
+    env = environment(config, config.subtask, config.states * config.draws, seed)
+    paths = play_latents(agent, env, expert, rows)
+    results = run_path(config.results_dir, *place)
+    paths.to_csv(results / "latents.csv", index=False)
+    print(draw_latents(paths, results / "latents.png"))
+
+
+if __name__ == "__main__":
+    main()
