@@ -16,9 +16,14 @@ from hydra import compose
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
-from tstar_rl.analysis import ablation
-from tstar_rl.analysis.ablation import SKILLS, Variant
-from tstar_rl.analysis.ablation_plots import ablation_bars, ablation_finding, ablation_table, load_ablation
+from tstar_rl.analysis import (
+    ablation_figure,
+    ablation_finding,
+    ablation_table,
+    load_ablation,
+    save_figure,
+)
+from tstar_rl.analysis.variants import FOLDER, SKILLS, Variant, names, read
 from tstar_rl.config.build import demonstrations_path
 from tstar_rl.config.chain import chain_length
 from tstar_rl.config.load import plain, recipe
@@ -46,9 +51,9 @@ def main(config: DictConfig) -> None:
     given = HydraConfig.get().overrides.task
     shared = [value for value in given if value.split("=")[0].lstrip("+") not in OWN]
     shared.insert(0, f"scale={HydraConfig.get().runtime.choices['scale']}")
-    chosen = ablation.names() if config.all else sorted(config.get("ablation") or ())
+    chosen = names() if config.all else sorted(config.get("ablation") or ())
     if not chosen:
-        raise SystemExit(f"say which: ablation=<name> or all=true; there are {', '.join(ablation.names())}")
+        raise SystemExit(f"say which: ablation=<name> or all=true; there are {', '.join(names())}")
     variants = [variant for name in chosen for variant in _chosen(config, name)]
     firsts = {variant.first(): None for variant in variants}
     sources = {first.source().first(): None for first in firsts if first.bonus_of}
@@ -73,7 +78,7 @@ def main(config: DictConfig) -> None:
 
 def _chosen(config: DictConfig, name: str) -> list[Variant]:
     """The variants of an ablation that are asked for."""
-    found = ablation.read(name)
+    found = read(name)
     return (
         list(found.variants) if config.variants is None else [found.variant(one) for one in config.variants]
     )
@@ -173,9 +178,8 @@ def _show(config: DictConfig, name: str) -> None:
     rows = rows[rows.task == config.task.name]
     print(ablation_table(rows).round(3).to_string())
     print(ablation_finding(rows))
-    path = Path(config.results_dir) / config.task.name / ablation.FOLDER / name / "ablation.png"
-    ablation_bars(rows).savefig(path, dpi=120)
-    print(path)
+    path = Path(config.results_dir) / config.task.name / FOLDER / name / "ablation.png"
+    print(save_figure(ablation_figure(rows), path))
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ from omegaconf import DictConfig
 from tensordict import TensorDictBase
 from torchrl.envs import ExplorationType, set_exploration_type
 
-from tstar_rl.analysis.result_plots import hand_over_matrix
+from tstar_rl.analysis import hand_over_matrix, save_figure
 from tstar_rl.chaining.chain import load_chain
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.config.build import environment
@@ -39,7 +39,7 @@ def main(config: DictConfig) -> None:
     table = append_rows(path, rows, ("system", "seed", "checkpoint", "subtask"))
     print(table.round(3).to_string(index=False))
     chosen = table[table.checkpoint == config.checkpoint]
-    print(hand_over_matrix(chosen, path.with_suffix(".png")))
+    print(save_figure(hand_over_matrix(chosen), path.with_suffix(".png")))
 
 
 def _skills(config: DictConfig, system: str) -> list[Skill]:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from tstar_rl.analysis.plotting import evaluation_table, learning_curves, read_evaluations, read_metrics
+from tstar_rl.analysis import evaluation_table, learning_curves, read_evaluations, read_metrics, save_figure
 from tstar_rl.config.load import recipe
 
 
@@ -19,9 +19,11 @@ def main(config: DictConfig) -> None:
         raise SystemExit(f"no metrics.csv below {config.results_dir}: train something first")
     for name, rows in metrics[metrics.task == task].groupby("recipe"):
         try:
-            print(learning_curves(rows, Path(config.results_dir) / task / str(name) / "curves.png"))
+            figure = learning_curves(rows)
         except ValueError as nothing:  # behaviour cloning has no episodes
             print(f"no curves of {name}: {nothing}")
+            continue
+        print(save_figure(figure, Path(config.results_dir) / task / str(name) / "curves.png"))
     evaluations = read_evaluations(config.results_dir)
     if not evaluations.empty and (evaluations.subtask == -1).any():
         print(evaluation_table(evaluations).round(3).to_string())

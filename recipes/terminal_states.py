@@ -10,8 +10,7 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from tstar_rl.analysis.result_plots import terminal_state_plane
-from tstar_rl.analysis.terminal_states import add_plane, read_terminal_states, spread
+from tstar_rl.analysis import add_plane, read_terminal_states, save_figure, spread, terminal_state_plane
 from tstar_rl.config.load import recipe
 
 
@@ -27,7 +26,7 @@ def main(config: DictConfig) -> None:
     numbers = spread(table)
     numbers.to_csv(place / "terminal_states_spread.csv", index=False)
     print(numbers.to_string(index=False))
-    print(terminal_state_plane(table, shares, place / "terminal_states.png"))
+    print(save_figure(terminal_state_plane(table, shares), place / "terminal_states.png"))
 
 
 if __name__ == "__main__":

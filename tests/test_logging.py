@@ -8,7 +8,6 @@ import pytest
 import torch
 import yaml
 
-from tstar_rl.analysis.plotting import evaluation_table, learning_curves, read_evaluations, read_metrics
 from tstar_rl.runs import run_folder
 from tstar_rl.runs.csv_tables import MetricsLog, append_rows
 from tstar_rl.runs.run import Run
@@ -150,37 +149,3 @@ def test_seeds_of_different_purposes_differ():
 def test_seeds_depend_on_the_index_alone():
     assert derive_seed(0, "evaluate", 0, None) == derive_seed(0, "evaluate", 0, 99)
     assert derive_seed(0, "train") == derive_seed(0, "train", 0) == derive_seed(0, "train", 0, 0)
-
-
-def test_rows_of_another_seed_are_refused(tmp_path):
-    row = {"checkpoint": "last", "mode": "deterministic"}
-    file = tmp_path / "table" / "tstar" / "seed1" / "evaluation.csv"
-    append_rows(file, [{**row, "seed": seed} for seed in (0, 1)], ("checkpoint", "mode", "seed"))
-    with pytest.raises(ValueError, match="seed1/evaluation.csv has rows of seed 0: they are another run's"):
-        read_evaluations(tmp_path)
-    append_rows(tmp_path / "a" / "b" / "c" / "seed2" / "evaluation.csv", [row], ("mode",))
-    pd.DataFrame([{**row, "seed": 1}]).to_csv(file, index=False)
-    assert read_evaluations(tmp_path)[["recipe", "seed", "subtask"]].values.tolist() == [["tstar", 1, -1]]
-
-
-def test_curves_and_table_from_folders(tmp_path):
-    for recipe, success in (("tstar", 0.9), ("policy_sequencing", 0.6)):
-        folder = tmp_path / "table_lack" / recipe / "seed0"
-        log = MetricsLog(folder / "metrics.csv")
-        for steps in (10, 20):
-            log.append({"env_steps": steps, "success_rate": success, "kl": 0.01})
-        row = {"checkpoint": "last", "mode": "deterministic", "progress": success, "success": success}
-        row |= {
-            "success_low": 0.5,
-            "success_high": 1.0,
-            "subtask_0": 1.0,
-            "env_steps": 20,
-            "minutes": 1,
-            "seed": 0,
-        }
-        append_rows(folder / "evaluation.csv", [row], ("checkpoint", "mode"))
-    assert learning_curves(read_metrics(tmp_path), tmp_path / "curves.png").stat().st_size > 1000
-    with pytest.raises(ValueError, match="none of loss was logged; there are "):
-        learning_curves(read_metrics(tmp_path), tmp_path / "curves.png", ["loss"])
-    table = evaluation_table(read_evaluations(tmp_path))
-    assert table.loc[("table_lack", "tstar"), "progress"] == pytest.approx(0.9)

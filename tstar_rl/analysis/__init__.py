@@ -1,28 +1,77 @@
-"""Reading results: tables, statistics, figures and the page of results. Reads files alone; needs no TorchRL."""
+"""Reading results: tables, statistics, figures and the page of results.
 
-from tstar_rl.analysis.ablation_plots import (
-    ablation_bars,
-    ablation_curves,
-    ablation_finding,
-    ablation_table,
-    load_ablation,
-    load_ablation_metrics,
+Reads files alone. Importing it loads neither torch nor TorchRL, and leaves Matplotlib's backend as it is.
+"""
+
+from tstar_rl.analysis.ablations import ablation_finding, ablation_table, load_ablation, load_ablation_metrics
+from tstar_rl.analysis.experiments import (
+    Experiment,
+    arm_table,
+    compare_arms,
+    hand_over_gaps,
+    product_of_skills,
+    read_experiment,
 )
-from tstar_rl.analysis.plotting import evaluation_table, learning_curves, read_evaluations, read_metrics
-from tstar_rl.analysis.result_plots import hand_over_matrix, seed_curves, terminal_state_plane
+from tstar_rl.analysis.figures import (
+    ablation_curves,
+    ablation_figure,
+    arms_figure,
+    differences_figure,
+    hand_over_matrix,
+    learning_curves,
+    save_figure,
+    seed_curves,
+    terminal_state_plane,
+)
+from tstar_rl.analysis.statistics import (
+    improvement_interval,
+    interquartile_interval,
+    interquartile_mean,
+    paired_difference,
+    performance_profile,
+    probability_of_improvement,
+)
+from tstar_rl.analysis.tables import (
+    episode_progress,
+    evaluation_table,
+    read_evaluations,
+    read_hand_over,
+    read_metrics,
+)
+from tstar_rl.analysis.terminal_states import add_plane, read_terminal_states, spread
 
 __all__ = [
-    "ablation_bars",
+    "Experiment",
+    "ablation_figure",
     "ablation_curves",
     "ablation_finding",
     "ablation_table",
+    "add_plane",
+    "arm_table",
+    "arms_figure",
+    "compare_arms",
+    "differences_figure",
+    "episode_progress",
     "evaluation_table",
+    "hand_over_gaps",
     "hand_over_matrix",
+    "improvement_interval",
+    "interquartile_interval",
+    "interquartile_mean",
     "learning_curves",
     "load_ablation",
     "load_ablation_metrics",
+    "paired_difference",
+    "performance_profile",
+    "probability_of_improvement",
+    "product_of_skills",
     "read_evaluations",
+    "read_experiment",
+    "read_hand_over",
     "read_metrics",
+    "read_terminal_states",
+    "save_figure",
     "seed_curves",
+    "spread",
     "terminal_state_plane",
 ]

@@ -6,13 +6,14 @@ Reads the terminal_states.csv that chains log: one row a success, with the poses
 from collections.abc import Iterable
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
-import torch
-from torch import Tensor
+from numpy.typing import NDArray
 
 __all__ = ["add_plane", "pose_columns", "read_terminal_states", "spread"]
 
 THIRDS = 3
+Array = NDArray[np.floating]
 
 
 def pose_columns(table: pd.DataFrame) -> list[str]:
@@ -37,29 +38,30 @@ def read_terminal_states(root: str | Path, task: str, systems: Iterable[str]) ->
     return pd.concat(frames, ignore_index=True) if frames else pd.DataFrame()
 
 
-def one_sided(poses: Tensor) -> Tensor:
+def one_sided(poses: Array) -> Array:
     """Poses (n, 7 P) with each quaternion q or -q, whichever is nearer the main axis of its part's quaternions.
 
     Both are the same turn; without a choice, a part that is turned by half a circle would seem to spread.
     """
-    parts = poses.unflatten(-1, (-1, 7)).clone()
+    parts = poses.reshape(len(poses), -1, 7).copy()
     for part in range(parts.shape[1]):
         quaternions = parts[:, part, 3:]
-        axis = torch.linalg.eigh(quaternions.T @ quaternions).eigenvectors[:, -1]
-        parts[:, part, 3:] = quaternions * torch.where(quaternions @ axis < 0, -1.0, 1.0).unsqueeze(-1)
-    return parts.flatten(-2)
+        axis = np.linalg.eigh(quaternions.T @ quaternions).eigenvectors[:, -1]
+        parts[:, part, 3:] = quaternions * np.where(quaternions @ axis < 0, -1.0, 1.0)[:, None]
+    return parts.reshape(len(poses), -1)
 
 
-def principal_plane(poses: Tensor) -> tuple[Tensor, Tensor]:
+def principal_plane(poses: Array) -> tuple[Array, Array]:
     """The first two principal components of poses (n, D): coordinates (n, 2), and their shares of the variance (2,).
 
     The sign of each component is such that its largest weight is positive.
     """
     centred = poses - poses.mean(0)
-    _, singular, axes = torch.linalg.svd(centred, full_matrices=False)
-    largest = axes.abs().argmax(1, keepdim=True)
-    axes = axes * axes.gather(1, largest).sign()
-    return centred @ axes[:2].T, (singular.square() / singular.square().sum().clamp_min(1e-30))[:2]
+    _, singular, axes = np.linalg.svd(centred, full_matrices=False)
+    largest = np.abs(axes).argmax(1)
+    axes = axes * np.sign(axes[np.arange(len(axes)), largest])[:, None]
+    variance = singular**2
+    return centred @ axes[:2].T, (variance / max(variance.sum(), 1e-30))[:2]
 
 
 def add_plane(table: pd.DataFrame) -> tuple[pd.DataFrame, list[float]]:
@@ -71,15 +73,15 @@ def add_plane(table: pd.DataFrame) -> tuple[pd.DataFrame, list[float]]:
     if len(table) < 3:
         raise ValueError(f"a plane through terminal states needs at least 3 of them, got {len(table)}")
     columns = pose_columns(table)
-    poses = one_sided(torch.tensor(table[columns].to_numpy(), dtype=torch.float64))
+    poses = one_sided(table[columns].to_numpy(dtype=np.float64))
     plane, shares = principal_plane(poses)
-    table = table.assign(**dict(zip(columns, poses.T.numpy(), strict=True)))
-    return table.assign(x=plane[:, 0].numpy(), y=plane[:, 1].numpy()), shares.tolist()
+    table = table.assign(**dict(zip(columns, poses.T, strict=True)))
+    return table.assign(x=plane[:, 0], y=plane[:, 1]), shares.tolist()
 
 
-def _trace(poses: Tensor) -> float:
+def _trace(poses: Array) -> float:
     """Trace of the covariance of rows (n, D); nan for fewer than two."""
-    return float(poses.var(0).sum()) if len(poses) > 1 else float("nan")
+    return float(poses.var(0, ddof=1).sum()) if len(poses) > 1 else float("nan")
 
 
 def spread(table: pd.DataFrame) -> pd.DataFrame:
@@ -94,10 +96,10 @@ def spread(table: pd.DataFrame) -> pd.DataFrame:
     columns, lines = pose_columns(table), []
     positions = [name for index, name in enumerate(columns) if index % 7 < 3]
     for (system, seed, skill), rows in table.groupby(["system", "seed", "skill"], sort=False):
-        steps = torch.tensor(sorted(rows["env_steps"].unique()))
-        for third, part in enumerate(torch.tensor_split(steps, THIRDS)):
+        steps = np.array(sorted(rows["env_steps"].unique()))
+        for third, part in enumerate(np.array_split(steps, THIRDS)):
             within = rows[rows["env_steps"].isin(part.tolist())]
-            traces = [_trace(torch.tensor(within[names].to_numpy())) for names in (columns, positions)]
+            traces = [_trace(within[names].to_numpy(dtype=np.float64)) for names in (columns, positions)]
             ends = (int(part[0]), int(part[-1])) if len(part) else (0, 0)
             lines.append(
                 {"system": system, "seed": seed, "skill": skill, "third": third + 1}

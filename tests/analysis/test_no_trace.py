@@ -1,0 +1,81 @@
+"""A user's runs leave no trace: nothing is written where git looks, and the page reads what is published alone."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+from hydra import compose, initialize_config_dir
+
+ROOT = Path(__file__).resolve().parents[2]
+CONFIGS = ROOT / "configs"
+FOLDERS = ("results_dir", "runs_dir", "demonstrations_dir")
+
+
+def ignored(paths: set[str]) -> set[str]:
+    """Those of the paths that git ignores."""
+    git = ["git", "-C", str(ROOT), "check-ignore", "--no-index", "--stdin"]
+    try:
+        done = subprocess.run(
+            git, input="\n".join(sorted(paths)), capture_output=True, text=True, check=False
+        )
+    except FileNotFoundError:
+        pytest.skip("no git here")
+    if done.returncode == 128:
+        pytest.skip(f"not a git checkout: {done.stderr}")
+    return set(done.stdout.split())
+
+
+def test_every_folder_that_a_config_names_is_ignored():
+    written: dict[str, str] = {}
+    for path in sorted(CONFIGS.rglob("*.yaml")):
+        values = yaml.safe_load(path.read_text()) or {}
+        for name in (
+            FOLDERS if path.relative_to(CONFIGS) != Path("recipe/report.yaml") else ()
+        ):  # it only reads
+            if name in values:
+                assert "published" not in Path(values[name]).parts, path
+                # A table beside the runs, and one of a run.
+                for file in ("bench.csv", "table_lack/tstar/seed0/evaluation.csv"):
+                    written[f"{values[name]}/{file}"] = f"{name} of {path.relative_to(CONFIGS)}"
+    assert {place.split(" of ")[1] for place in written.values()} >= {"base.yaml", "scale/gpu.yaml"}
+    missing = {path: written[path] for path in set(written) - ignored(set(written))}
+    assert not missing, f"git would see {missing}"
+
+
+def test_what_is_published_is_not_ignored():
+    published = {
+        "results/published/contents.yaml",
+        "results/published/new/table_lack/tstar/seed0/evaluation.csv",
+        "results/published/new/table_lack/tstar/seed0/first_success.mp4",
+    }
+    assert not ignored(published)
+
+
+@pytest.mark.slow
+def test_the_report_reads_published_tables_and_changes_none(tmp_path):
+    root, folder = tmp_path / "published", ROOT / "results" / "published"
+    shutil.copytree(folder / "narrow_own_gate", root / "narrow_own_gate")
+    experiments = yaml.safe_load((folder / "contents.yaml").read_text())["experiments"]
+    kept = [entry for entry in experiments if entry["folder"] == "narrow_own_gate"]
+    (root / "contents.yaml").write_text(yaml.safe_dump({"experiments": kept}))
+    (tmp_path / "README.md").write_text("<!-- results: begin -->\n<!-- results: end -->\n")
+    (tmp_path / "notes.md").write_text("Found.\n")
+    before = {path: path.read_bytes() for path in root.rglob("*") if path.is_file()}
+    values = [f"docs_dir={tmp_path}/docs", f"readme={tmp_path}/README.md", f"notes={tmp_path}/notes.md"]
+    values += [f"paper={ROOT}/docs/paper_results.yaml", f"results_dir={root}", "figures=false"]
+    environ = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "envs")])}
+    command = [sys.executable, str(ROOT / "recipes" / "report.py"), *values]
+    done = subprocess.run(command, env=environ, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert {path: path.read_bytes() for path in root.rglob("*") if path.is_file()} == before
+    assert "each turn judged by the skill alone" in (tmp_path / "docs" / "results.md").read_text()
+    assert "Found." in (tmp_path / "README.md").read_text()
+
+
+def test_the_report_takes_published_tables_by_default():
+    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
+        assert compose("recipe/report").results_dir == "results/published"

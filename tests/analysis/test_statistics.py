@@ -1,0 +1,135 @@
+"""Statistics of experiments: numbers worked by hand, and SciPy's for the same data."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from tstar_rl.analysis import statistics as ours
+
+
+def rng() -> np.random.Generator:
+    return np.random.default_rng(0)
+
+
+def test_interquartile_mean_by_hand_and_by_scipy():
+    assert ours.interquartile_mean([8.0, 1.0, 2.0, 100.0]) == 5.0  # 1 and 100 are cut
+    assert ours.interquartile_mean([0.0, 0.0, 9.0]) == 3.0  # too few to cut
+    # Ten values: two at either end are cut, of (10 x) 0..9 the rest is 2..7.
+    assert ours.interquartile_mean(np.arange(10.0) * 10) == 45.0
+    draws = rng().normal(size=(5, 13))
+    np.testing.assert_allclose(ours.interquartile_mean(draws), stats.trim_mean(draws, 0.25, axis=1))
+    with pytest.raises(ValueError, match="at least one value"):
+        ours.interquartile_mean([])
+
+
+def test_episodes_are_drawn_within_a_seed():
+    # Two episodes, 0 and 1: the drawn mean is 0, 1/2, 1 with probability 1/4, 1/2, 1/4.
+    chosen = np.zeros((40_000, 1), dtype=np.int64)
+    draws = ours.resampled_means([[0.0, 1.0]], chosen, rng())
+    shares = [float((draws == value).mean()) for value in (0.0, 0.5, 1.0)]
+    assert shares == pytest.approx([0.25, 0.5, 0.25], abs=0.01)
+    # The second seed alone is chosen, and all of its episodes are the same.
+    np.testing.assert_allclose(ours.resampled_means([[0.0, 1.0], [0.3, 0.3]], chosen + 1, rng()), 0.3)
+
+
+def test_one_seed_has_the_interval_of_its_episodes():
+    episodes = np.repeat([0.0, 1.0], 200)
+    found = ours.interquartile_interval([[episodes]], rng())
+    half = 1.96 * 0.5 / math.sqrt(400)  # of a mean of 400 coins
+    assert found.value == 0.5
+    assert (found.low, found.high) == pytest.approx((0.5 - half, 0.5 + half), abs=0.004)
+
+
+def test_seeds_without_episode_noise_have_the_interval_of_scipys_bootstrap():
+    values = np.array([0.61, 0.70, 0.74, 0.55, 0.81, 0.66, 0.90, 0.72, 0.69, 0.58])
+    found = ours.interquartile_interval([[[value] * 4 for value in values]], rng(), 20_000)
+    theirs = stats.bootstrap(
+        (values,),
+        lambda x, axis: stats.trim_mean(x, 0.25, axis=axis),
+        n_resamples=20_000,
+        method="percentile",
+        random_state=1,
+    ).confidence_interval
+    assert found.value == pytest.approx(stats.trim_mean(values, 0.25))
+    assert (found.low, found.high) == pytest.approx((theirs.low, theirs.high), abs=0.004)
+
+
+def test_tasks_are_strata():
+    # Within each task all seeds agree, so nothing is left to chance; drawn over both tasks it would be.
+    tasks = [[[0.2], [0.2], [0.2], [0.2]], [[0.8], [0.8], [0.8], [0.8]]]
+    assert ours.interquartile_interval(tasks, rng()) == pytest.approx((0.5, 0.5, 0.5))
+    mixed = ours.interquartile_interval([[*tasks[0], *tasks[1]]], rng())
+    assert mixed.low < 0.3 and mixed.high > 0.7
+
+
+def test_paired_difference_by_hand():
+    # Differences .1, .2, .3: mean .2, deviation .1, t of two degrees 4.3027: half .1 x 4.3027 / sqrt(3) = .2484.
+    first = {3: [0.6], 4: [0.9], 5: [0.7], 9: [0.0]}
+    second = {5: [0.4], 4: [0.7], 3: [0.5], 8: [1.0]}
+    found = ours.paired_difference(first, second, rng())
+    assert found.value == pytest.approx(0.2) and found.seeds == 3
+    assert found.t_half == pytest.approx(0.2484, abs=1e-4)
+    assert (found.low, found.high) == pytest.approx((0.1, 0.3))  # each with 1/27 > 2.5%
+    theirs = stats.ttest_rel([0.6, 0.9, 0.7], [0.5, 0.7, 0.4]).confidence_interval()
+    assert found.value + found.t_half == pytest.approx(theirs.high)
+    # The bootstrap of three seeds is too narrow, so Student's t decides.
+    assert found.low > 0 and found.verdict() == "not told apart"
+
+
+def test_pairs_stay_together():
+    # The arms go up and down together from seed to seed: unpaired, nothing could be told.
+    first = {seed: [seed + 0.1] for seed in range(5)}
+    second = {seed: [float(seed)] for seed in range(5)}
+    found = ours.paired_difference(first, second, rng())
+    assert (found.low, found.high) == pytest.approx((0.1, 0.1)) and found.verdict() == "higher"
+    assert ours.paired_difference(second, first, rng()).verdict() == "lower"
+
+
+def test_a_difference_of_one_seed_is_that_of_its_episodes():
+    first, second = {0: np.repeat([0.0, 1.0], [40, 60])}, {0: np.repeat([0.0, 1.0], [60, 40])}
+    found = ours.paired_difference(first, second, rng())
+    half = 1.96 * math.sqrt(2 * 0.24 / 100)
+    assert math.isnan(found.t_half) and found.verdict() == "higher"
+    assert (found.low, found.high) == pytest.approx((0.2 - half, 0.2 + half), abs=0.012)
+    with pytest.raises(ValueError, match=r"no seed in common: \[0\] and \[1\]"):
+        ours.paired_difference(first, {1: [1.0]}, rng())
+
+
+def test_probability_of_improvement_by_hand_and_by_mann_whitney():
+    # Of six pairs (1, 2) x (0, 1, 3): 1 > 0, 2 > 0, 2 > 1, and 1 = 1 counts half.
+    assert ours.probability_of_improvement([1, 2], [0, 1, 3]) == pytest.approx(3.5 / 6)
+    generator = rng()
+    x, y = generator.integers(0, 6, 11), generator.integers(1, 7, 8)  # with ties
+    theirs = stats.mannwhitneyu(x, y).statistic / (len(x) * len(y))
+    assert ours.probability_of_improvement(x, y) == pytest.approx(theirs)
+
+
+def test_interval_of_the_probability_of_improvement():
+    low, high = [[0.1], [0.2], [0.3]], [[0.7], [0.8], [0.9]]
+    assert ours.improvement_interval(high, low, rng()) == (1.0, 1.0, 1.0)
+    same = ours.improvement_interval(low, low, rng())
+    assert same.value == 0.5 and same.low < 0.2 and same.high > 0.8
+
+
+def test_performance_profile_by_hand():
+    assert ours.performance_profile([0.2, 0.5, 0.9, 0.9], [0.0, 0.5, 0.89, 0.9]).tolist() == [1, 0.5, 0.5, 0]
+    profile, low, high = ours.profile_band([[0.2], [0.5], [0.9], [0.9]], [0.0, 0.5, 0.95], rng())
+    assert profile.tolist() == [1, 0.5, 0]
+    # Of four drawn seeds, how many lie above 0.5 is binomial: none or all with probability 1/16 > 2.5%.
+    assert low.tolist() == [1, 0, 0] and high.tolist() == [1, 1, 0]
+
+
+def test_the_same_generator_gives_the_same_interval():
+    scores = [[np.repeat([0.0, 1.0], [n, 199 - n]) for n in (30, 81, 113)]]
+    assert ours.interquartile_interval(scores, rng()) == ours.interquartile_interval(scores, rng())
+    assert ours.interquartile_interval(scores, rng()) != ours.interquartile_interval(
+        scores, np.random.default_rng(1)
+    )
+
+
+def test_no_seed_or_no_episode_is_refused():
+    for scores in ([], [[]]):
+        with pytest.raises(ValueError, match="at least one seed, and at least one episode"):
+            ours.improvement_interval(scores, [[1.0]], rng())

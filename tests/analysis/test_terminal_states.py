@@ -1,0 +1,90 @@
+"""Where a skill ends over training: the plane, the spread, and how a chain's skills hand over."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tstar_rl.analysis import hand_over_matrix, terminal_state_plane
+from tstar_rl.analysis.terminal_states import (
+    add_plane,
+    one_sided,
+    principal_plane,
+    read_terminal_states,
+    spread,
+)
+
+POSE = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
+
+
+def write(folder, system: str, rows: list[tuple[int, float]]) -> None:
+    """A log of one part that moves along x: (environment steps, x) each."""
+    place = folder / "table" / system / "seed0"
+    place.mkdir(parents=True)
+    poses = [[x, *POSE[1:]] for _, x in rows]
+    table = pd.DataFrame(poses, columns=[f"pose_{i}" for i in range(7)])
+    table.insert(0, "env_steps", [steps for steps, _ in rows])
+    table.insert(1, "skill", 2)
+    table.to_csv(place / "terminal_states.csv", index=False)
+
+
+def test_a_quaternion_and_its_negative_are_one_turn():
+    half = np.array([POSE, POSE, POSE, [0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0]])
+    sided = one_sided(half)
+    assert np.abs(sided[:, 3]).tolist() == [1.0] * 4
+    assert len(set(sided[:, 3].tolist())) == 1
+
+
+def test_the_plane_of_points_on_two_axes():
+    # Twice as far along the first axis: variances 4 and 1, shares 0.8 and 0.2.
+    points = np.array([[2.0, 0, 0], [-2.0, 0, 0], [0, 1.0, 0], [0, -1.0, 0]])
+    plane, shares = principal_plane(points)
+    np.testing.assert_allclose(plane, points[:, :2], atol=1e-12)
+    assert shares.tolist() == pytest.approx([0.8, 0.2])
+
+
+def test_spread_in_each_third_by_hand(tmp_path):
+    # Variance of (-1, 1) is 2, of (-2, 2) 8, of one state nothing; two rollouts to a third where they do not divide.
+    rows = [(10, -1.0), (20, 1.0), (30, -2.0), (30, 2.0), (40, 5.0)]
+    write(tmp_path, "tstar", rows)
+    write(tmp_path, "policy_sequencing", [(10, 0.0), (20, 0.0), (20, 0.0)])
+    table = read_terminal_states(tmp_path, "table", ["tstar", "policy_sequencing", "none"])
+    assert table[table.system == "tstar"].progress.tolist() == pytest.approx([0, 1 / 3, 2 / 3, 2 / 3, 1])
+    table, shares = add_plane(table)
+    numbers = spread(table).set_index(["system", "third"])
+    assert numbers.loc["tstar"].states.tolist() == [2, 2, 1]
+    assert numbers.loc["tstar"].spread.tolist()[:2] == pytest.approx([2.0, 8.0])
+    assert numbers.loc["tstar"].spread_position.tolist()[:2] == pytest.approx([2.0, 8.0])
+    assert pd.isna(numbers.loc[("tstar", 3), "spread"])
+    assert numbers.loc["policy_sequencing"].states.tolist() == [1, 2, 0]
+    panels = terminal_state_plane(table, shares).axes
+    assert [axes.get_title() for axes in panels[:2]] == ["tstar", "policy sequencing"]
+    drawn = [np.asarray(axes.collections[0].get_offsets()) for axes in panels[:2]]
+    np.testing.assert_allclose(np.concatenate(drawn), table[["x", "y"]])
+
+
+def test_too_few_states_are_refused():
+    with pytest.raises(ValueError, match="at least 3 of them, got 1"):
+        add_plane(pd.DataFrame([POSE], columns=[f"pose_{i}" for i in range(7)]))
+
+
+def test_the_hand_over_matrix_is_drawn_with_what_is_missing():
+    rows = [{"system": "tstar", "subtask": k, "own_starts": 1.0, "handed_over": 0.5} for k in range(2)]
+    rows[0]["handed_over"] = float("nan")
+    own, handed = hand_over_matrix(pd.DataFrame(rows)).axes
+    assert [text.get_text() for text in own.texts] == ["1.00", "1.00"]
+    assert [text.get_text() for text in handed.texts] == ["", "0.50"]
+
+
+PUBLISHED = Path(__file__).resolve().parents[2] / "results" / "published"
+
+
+@pytest.mark.parametrize(
+    "path", sorted(PUBLISHED.glob("*/*/terminal_states_spread.csv")), ids=lambda p: p.parts[-3]
+)
+def test_the_published_spread_comes_out_of_the_published_states(path):
+    published, task = pd.read_csv(path), path.parent.name
+    systems = list(dict.fromkeys(published["system"]))
+    again = spread(add_plane(read_terminal_states(path.parents[1], task, systems))[0])
+    pd.testing.assert_frame_equal(again, published, check_exact=False, atol=1e-6, rtol=1e-6)

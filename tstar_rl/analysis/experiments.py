@@ -1,0 +1,201 @@
+"""An experiment: arms that were trained with the same seeds, its table, its comparisons and its hand-over gap.
+
+Its folder is <root>/<task>/<arm>/seed<k>/{config.yaml,metrics.csv,evaluation.csv}. Skills that the arms start from lie
+beside them, as <skills>/seed<k>/subtask<i>/. A hand_over.csv below a task has what each skill does from its own starts.
+"""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from tstar_rl.analysis.statistics import improvement_interval, interquartile_interval, paired_difference
+from tstar_rl.analysis.tables import UNKNOWN, config_of, episode_progress, read_evaluations, read_hand_over
+from tstar_rl.runs.run_folder import run_path
+
+__all__ = [
+    "Experiment",
+    "arm_scores",
+    "arm_table",
+    "compare_arms",
+    "hand_over_gaps",
+    "product_of_skills",
+    "read_experiment",
+]
+
+SEED = 0
+"""Of the generator of every single interval: one does not depend on which others are made."""
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """The tables of an experiment."""
+
+    root: Path
+    arms: pd.DataFrame
+    """A row for each task, arm, seed, checkpoint and mode: the columns of evaluation.csv, and commit."""
+    skills: pd.DataFrame
+    """The same of skills alone, with the subtask of each."""
+    hand_over: pd.DataFrame
+    """Columns task, arm, seed, checkpoint, subtask, own_starts, handed_over and their intervals."""
+
+    @property
+    def tasks(self) -> list[str]:
+        return sorted(set(self.arms["task"])) if len(self.arms) else []
+
+    def chosen(self, task: str, checkpoint: str = "last", mode: str = "deterministic") -> pd.DataFrame:
+        """A row for each arm and seed."""
+        rows = self.arms[(self.arms["task"] == task) & (self.arms["checkpoint"] == checkpoint)]
+        return rows[rows["mode"] == mode].sort_values(["arm", "seed"], ignore_index=True)
+
+    def commits(self) -> dict[str, list[str]]:
+        """The runs of each commit, as task/arm/seed<k>; "-" for those that name none."""
+        found: dict[str, list[str]] = {}
+        for row in self.arms.drop_duplicates(["task", "arm", "seed"]).itertuples():
+            found.setdefault(str(row.commit), []).append(f"{row.task}/{row.arm}/seed{row.seed}")
+        return found
+
+    def check_one_commit(self) -> None:
+        """Raises ValueError, with the runs of each commit, unless all arms come from one."""
+        found = self.commits()
+        if len(found) > 1 or UNKNOWN in found:
+            lines = "; ".join(f"{commit[:7]}: {', '.join(runs)}" for commit, runs in found.items())
+            raise ValueError(f"{self.root}: all arms of an experiment must come from one commit, got {lines}")
+
+
+def read_experiment(root: str | Path, one_commit: bool = False) -> Experiment:
+    """Reads an experiment's folder.
+
+    Args:
+        root: of the experiment.
+        one_commit: refuse arms whose config.yaml name different commits, or none.
+
+    Raises:
+        FileNotFoundError: if no arm has an evaluation.csv.
+        ValueError: see `Experiment.check_one_commit`.
+    """
+    found = read_evaluations(root)
+    if found.empty or (found["subtask"] != -1).all():
+        raise FileNotFoundError(f"no <task>/<arm>/seed<k>/evaluation.csv below {root}")
+    # A script does not learn: it is its own last checkpoint.
+    found = found.rename(columns={"recipe": "arm"}).replace({"checkpoint": {"script": "last"}})
+    alone = found["subtask"] >= 0
+    hand_over = read_hand_over(root).rename(columns={"system": "arm"})
+    arms = found[~alone].drop(columns="subtask").reset_index(drop=True)
+    experiment = Experiment(Path(root), arms, found[alone].reset_index(drop=True), hand_over)
+    if one_commit:
+        experiment.check_one_commit()
+    return experiment
+
+
+def arm_scores(rows: pd.DataFrame) -> dict[str, dict[int, NDArray[np.floating]]]:
+    """Of each arm and seed the progress of every episode; `rows` has one row for each arm and seed."""
+    found: dict[str, dict[int, NDArray[np.floating]]] = {}
+    for _, row in rows.iterrows():
+        seeds = found.setdefault(str(row["arm"]), {})
+        if row["seed"] in seeds:
+            raise ValueError(
+                f"arm {row['arm']} has two rows of seed {row['seed']}: choose checkpoint and mode"
+            )
+        seeds[int(row["seed"])] = episode_progress(row)
+    return found
+
+
+def arm_table(rows: pd.DataFrame) -> pd.DataFrame:
+    """A line for each arm of one task: interquartile means over seeds of progress and success, with intervals.
+
+    Args:
+        rows: with columns arm, seed, episodes, progress and subtask_0, ...; one row for each arm and seed.
+
+    Returns:
+        Index arm, in the order of `rows`; columns seeds, episodes, progress, progress_low, progress_high, and the same
+        three of success.
+    """
+    lines = {}
+    for arm, scores in arm_scores(rows).items():
+        line: dict[str, float] = {"seeds": len(scores), "episodes": sum(map(len, scores.values()))}
+        for name, threshold in (("progress", None), ("success", 1.0)):
+            of_seeds = [each if threshold is None else each >= threshold for each in scores.values()]
+            found = interquartile_interval([of_seeds], np.random.default_rng(SEED))
+            line |= {name: found.value, f"{name}_low": found.low, f"{name}_high": found.high}
+        lines[arm] = line
+    return pd.DataFrame.from_dict(lines, orient="index").rename_axis("arm")
+
+
+def compare_arms(rows: pd.DataFrame, pairs: Iterable[Sequence[str]]) -> pd.DataFrame:
+    """Differences in progress of pairs of arms, paired by seed; pairs without a common seed are left out.
+
+    Args:
+        rows: see `arm_table`.
+        pairs: (first, second): the difference is first less second.
+
+    Returns:
+        Columns first, second, seeds, difference, low, high (bootstrap), t_half (Student's t), improvement (probability
+        that a seed of the first beats a seed of the second), improvement_low, improvement_high, and verdict.
+    """
+    scores, lines = arm_scores(rows), []
+    for first, second in pairs:
+        one, other = scores.get(first, {}), scores.get(second, {})
+        if not set(one) & set(other):
+            continue
+        found = paired_difference(one, other, np.random.default_rng(SEED))
+        both = [[arm[seed] for seed in sorted(set(one) & set(other))] for arm in (one, other)]
+        better = improvement_interval(*both, np.random.default_rng(SEED))
+        line = {"first": first, "second": second, "seeds": found.seeds, "difference": found.value}
+        line |= {"low": found.low, "high": found.high, "t_half": found.t_half}
+        line |= {"improvement": better.value, "improvement_low": better.low, "improvement_high": better.high}
+        lines.append(line | {"verdict": found.verdict()})
+    return pd.DataFrame(lines)
+
+
+def product_of_skills(own_success: Sequence[float]) -> float:
+    """Progress of a chain whose skills succeed as often from where the one before ends as from their own starts.
+
+    Subtask k is then completed with probability p_0 ... p_k; progress is the mean of these products.
+    """
+    return float(np.cumprod(np.asarray(own_success, dtype=float)).mean())
+
+
+def hand_over_gaps(experiment: Experiment, task: str, checkpoint: str = "last") -> pd.DataFrame:
+    """What a chaining method could mend: product of the skills' own success less the chain's progress, for each run.
+
+    Own success is that of hand_over.csv for the same arm and seed. An arm without it takes that of the skills that it
+    started from (`skills` in its config.yaml), where they were evaluated alone.
+
+    Returns:
+        Columns arm, seed, progress, product, gap, and fine_tuned (whether own success is of the arm's own skills); nan
+        where nothing is known of the skills.
+    """
+    lines = []
+    for _, row in experiment.chosen(task, checkpoint).iterrows():
+        own, tuned = _own_success(experiment, task, str(row["arm"]), int(row["seed"]), checkpoint)
+        progress, product = float(row["progress"]), product_of_skills(own) if own else math.nan
+        line = {"arm": row["arm"], "seed": row["seed"], "progress": progress, "product": product}
+        lines.append(line | {"gap": product - progress, "fine_tuned": tuned})
+    return pd.DataFrame(lines)
+
+
+def _own_success(
+    experiment: Experiment, task: str, arm: str, seed: int, checkpoint: str
+) -> tuple[list[float], bool]:
+    """Success of each skill from its own starts, in their order, and whether it is that of the arm's own skills."""
+    table = experiment.hand_over
+    if len(table):
+        rows = table[(table.task == task) & (table.arm == arm) & (table.seed == seed)]
+        rows = rows[rows.checkpoint == checkpoint].sort_values("subtask")
+        if len(rows):
+            return rows["own_starts"].tolist(), True
+    skills = experiment.skills
+    if skills.empty:
+        return [], False
+    source = config_of(run_path(experiment.root, task, arm, seed)).get("skills", "gail_ppo")
+    skills = skills[(skills.task == task) & (skills.arm == source) & (skills.seed == seed)]
+    skills = skills[(skills.checkpoint == "last") & (skills["mode"] == "deterministic")].sort_values(
+        "subtask"
+    )
+    complete = skills["subtask"].tolist() == list(range(len(skills)))
+    return (skills["success"].tolist() if complete else []), False

@@ -1,0 +1,18 @@
+"""Figures of results. Each function returns a `matplotlib.figure.Figure`; none touches pyplot or its backend."""
+
+from tstar_rl.analysis.figures.arms import ablation_figure, arms_figure, differences_figure
+from tstar_rl.analysis.figures.curves import ablation_curves, learning_curves, seed_curves
+from tstar_rl.analysis.figures.panels import save_figure
+from tstar_rl.analysis.figures.states import hand_over_matrix, terminal_state_plane
+
+__all__ = [
+    "ablation_figure",
+    "ablation_curves",
+    "arms_figure",
+    "differences_figure",
+    "hand_over_matrix",
+    "learning_curves",
+    "save_figure",
+    "seed_curves",
+    "terminal_state_plane",
+]

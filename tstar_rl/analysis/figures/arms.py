@@ -1,0 +1,122 @@
+"""Arms beside each other: every seed is a dot, intervals are those of the tables."""
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from tstar_rl.analysis.ablations import as_arms, command
+from tstar_rl.analysis.experiments import SEED, arm_scores, arm_table, compare_arms
+from tstar_rl.analysis.figures.panels import message, panels, readable
+from tstar_rl.analysis.statistics import profile_band
+
+__all__ = ["ablation_figure", "arms_figure", "differences_figure"]
+
+THRESHOLDS = np.linspace(0, 1, 101)
+
+
+def _dots(axes: Axes, values: pd.Series, place: float, colour: str) -> None:
+    """The values of an arm's seeds, spread a little sidewards so that equal ones are seen."""
+    offsets = np.linspace(-0.16, 0.16, len(values)) if len(values) > 1 else [0.0]
+    axes.plot(values, place + np.asarray(offsets), "o", color=colour, markersize=4, alpha=0.7)
+
+
+def _interval(axes: Axes, row: pd.Series, measure: str, place: float) -> None:
+    """Interquartile mean and interval, as a bar below the dots."""
+    ends = [[row[measure] - row[f"{measure}_low"]], [row[f"{measure}_high"] - row[measure]]]
+    style = {"fmt": "|", "color": "black", "capsize": 3, "markersize": 9, "markeredgewidth": 1.5}
+    axes.errorbar(row[measure], place + 0.32, xerr=np.clip(ends, 0, None), **style)
+
+
+def _names(axes: Axes, arms: Sequence[str], labels: Mapping[str, str] | None) -> None:
+    """Arms from top to bottom."""
+    axes.set_yticks(range(len(arms)), [(labels or {}).get(arm, readable(arm)) for arm in arms])
+    axes.set_ylim(len(arms) - 0.4, -0.5)
+
+
+def _draw_arms(axes: Axes, rows: pd.DataFrame, measure: str) -> None:
+    for place, (arm, row) in enumerate(arm_table(rows).iterrows()):
+        _dots(axes, rows[rows["arm"] == arm].sort_values("seed")[measure], place, f"C{place % 10}")
+        _interval(axes, row, measure, place)
+    axes.set(xlabel=measure, xlim=(-0.02, 1.02))
+
+
+def arms_figure(rows: pd.DataFrame, labels: Mapping[str, str] | None = None) -> Figure:
+    """Progress and success of the arms of one task, and the performance profile of progress.
+
+    A dot is a seed; below the dots stand the interquartile mean and its 95% interval. The profile is the share of
+    seeds whose progress is above a value, with its pointwise 95% band.
+
+    Args:
+        rows: see `experiments.arm_table`.
+        labels: of arms.
+    """
+    scores = arm_scores(rows)
+    figure, grid = panels(1, 3, (13, 1.6 + 0.42 * len(scores)))
+    progress, success, profile = grid[0]
+    for axes, measure in ((progress, "progress"), (success, "success")):
+        _draw_arms(axes, rows, measure)
+        _names(axes, list(scores), labels)
+    success.set_yticklabels([])
+    for place, seeds in enumerate(scores.values()):
+        share, low, high = profile_band(list(seeds.values()), THRESHOLDS, np.random.default_rng(SEED))
+        profile.step(THRESHOLDS, share, where="post", color=f"C{place % 10}")
+        profile.fill_between(
+            THRESHOLDS, low, high, step="post", color=f"C{place % 10}", alpha=0.12, linewidth=0
+        )
+    profile.set(xlabel="progress above", ylabel="share of seeds", xlim=(0, 1), ylim=(-0.02, 1.04))
+    return figure
+
+
+def differences_figure(
+    rows: pd.DataFrame, pairs: Iterable[Sequence[str]], labels: Mapping[str, str] | None = None
+) -> Figure:
+    """Paired differences in progress of one task: a dot for each seed, mean, bootstrap interval and Student's t.
+
+    Args:
+        rows: see `experiments.arm_table`.
+        pairs: see `experiments.compare_arms`.
+        labels: of arms.
+    """
+    table, named = compare_arms(rows, pairs), labels or {}
+    if table.empty:
+        return message("no two arms have a seed in common")
+    by_seed = rows.pivot_table(index="seed", columns="arm", values="progress", observed=True)
+    figure, grid = panels(1, 1, (8, 1.4 + 0.55 * len(table)))
+    axes = grid[0, 0]
+    for place, (_, row) in enumerate(table.iterrows()):
+        _dots(axes, (by_seed[row["first"]] - by_seed[row["second"]]).dropna(), place, "C0")
+        mean = row["difference"]
+        ends = np.clip([[mean - row["low"]], [row["high"] - mean]], 0, None)
+        if np.isfinite(row["t_half"]):
+            axes.errorbar(mean, place + 0.34, xerr=row["t_half"], fmt="none", color="0.6", capsize=3)
+        style = {"fmt": "|", "color": "black", "capsize": 3, "markersize": 9, "markeredgewidth": 1.5}
+        axes.errorbar(mean, place + 0.26, xerr=ends, **style)
+    words = [
+        f"{named.get(row.first, readable(row.first))}\nless {named.get(row.second, readable(row.second))}"
+        for row in table.itertuples()
+    ]
+    axes.set_yticks(range(len(table)), words, fontsize=8)
+    axes.set_ylim(len(table) - 0.4, -0.5)
+    axes.axvline(0, color="black", linewidth=0.8)
+    axes.set_xlabel("difference in progress, same seed (black: bootstrap, grey: Student's t, 95%)")
+    return figure
+
+
+def ablation_figure(rows: pd.DataFrame) -> Figure:
+    """Progress and success of every variant of an ablation, a row of panels for each task; see `arms_figure`."""
+    if not len(rows):
+        return message(f"no table yet: {command(rows.attrs['ablation'])}")
+    tasks = list(dict.fromkeys(rows["task"]))
+    height = 1.2 + 0.42 * rows["variant"].nunique()
+    figure, grid = panels(len(tasks), 2, (11, height * len(tasks)))
+    for line, task in zip(grid, tasks, strict=True):
+        part = as_arms(rows[rows["task"] == task])
+        for axes, measure in zip(line, ("progress", "success"), strict=True):
+            _draw_arms(axes, part, measure)
+            _names(axes, list(dict.fromkeys(part["arm"])), None)
+            axes.set_title(f"{task}: {measure}", fontsize=9)
+        line[1].set_yticklabels([])
+    return figure

@@ -1,0 +1,102 @@
+"""Learning curves: logged columns against environment steps."""
+
+from collections.abc import Iterable, Mapping
+
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import EngFormatter
+
+from tstar_rl.analysis.ablations import command
+from tstar_rl.analysis.figures.panels import message, panels, readable
+
+__all__ = ["ablation_curves", "learning_curves", "seed_curves"]
+
+
+def learning_curves(
+    metrics: pd.DataFrame, columns: Iterable[str] = ("success_rate", "episode_length", "kl")
+) -> Figure:
+    """One panel for each column that was logged, one line for each recipe, subtask, seed and skill.
+
+    Raises:
+        ValueError: if none of the columns was logged.
+    """
+    wanted = list(columns)
+    columns = [name for name in wanted if name in metrics and metrics[name].notna().any()]
+    if not columns:
+        raise ValueError(f"none of {', '.join(wanted)} was logged; there are {', '.join(metrics.columns)}")
+    figure, grid = panels(1, len(columns), (5 * len(columns), 4))
+    by = ["recipe", "subtask", "seed"] + (["skill"] if "skill" in metrics else [])
+    for axes, column in zip(grid[0], columns, strict=True):
+        for place, rows in metrics.groupby(by, dropna=False):
+            rows = rows.dropna(subset=[column])
+            names = [f"{k} {int(v)}" for k, v in zip(by[1:], place[1:], strict=True) if float(v) >= 0]
+            axes.plot(rows.env_steps, rows[column], label=" ".join([str(place[0]), *names]), linewidth=1)
+        axes.set(xlabel="environment steps", title=readable(column))
+    grid[0][0].legend(fontsize=7)
+    return figure
+
+
+def _lines(axes: Axes, rows: pd.DataFrame, column: str, colour: str) -> None:
+    """A line for each run in `rows`, in pieces where it does not train the same skill all the time."""
+    labelled = set()
+    pieces = [colour] if colour == "seed" else [colour, "seed", "round"]
+    for place, run in rows.groupby(pieces):
+        value = int(place[0])  # pyright: ignore[reportGeneralTypeIssues]
+        label = None if value in labelled else f"{colour} {value}"
+        labelled.add(value)
+        style = {"color": f"C{value % 10}", "marker": ".", "markersize": 3, "linewidth": 1}
+        axes.plot(run.env_steps, run[column], label=label, **style)
+
+
+def seed_curves(metrics: pd.DataFrame, columns: Mapping[str, str], panel: str) -> Figure:
+    """A row of panels for each logged column; thin lines are seeds.
+
+    Args:
+        metrics: from `tables.read_metrics`.
+        columns: what has a colour in each: "seed" or, of a chain, "skill". A column that was never logged is left out.
+        panel: column whose values have a panel each, in the order of their first rows.
+
+    Raises:
+        ValueError: if none of the columns was logged.
+    """
+    names = [name for name in columns if name in metrics and metrics[name].notna().any()]
+    if not names:
+        raise ValueError(f"none of {', '.join(columns)} was logged; there are {', '.join(metrics.columns)}")
+    places = list(dict.fromkeys(metrics[panel]))
+    figure, grid = panels(len(names), len(places), (3.4 * len(places), 2.8 * len(names)), sharey="row")
+    for row, name in zip(grid, names, strict=True):
+        for axes, place in zip(row, places, strict=True):
+            _lines(axes, metrics[metrics[panel] == place].dropna(subset=[name]), name, columns[name])
+            axes.set_title(readable(place), fontsize=9)
+        row[0].set_ylabel(readable(name))
+        row[0].legend(fontsize=7)
+        if metrics[name].dropna().between(0, 1).all():
+            row[0].set_ylim(-0.02, 1.04)  # shares have one scale
+    for axes in grid[-1]:
+        axes.set_xlabel("environment steps")
+        axes.xaxis.set_major_formatter(EngFormatter(sep=""))
+    return figure
+
+
+def ablation_curves(metrics: pd.DataFrame, column: str = "success_rate") -> Figure:
+    """A logged column while skills were fine-tuned, mean over seeds: panels by task and skill, lines by variant.
+
+    Raises:
+        ValueError: if no run has logged the column.
+    """
+    if not len(metrics):
+        return message(f"no table yet: {command(metrics.attrs['ablation'])}")
+    if column not in metrics:
+        raise ValueError(f"nothing logged {column!r}; there are {', '.join(metrics.columns)}")
+    tasks, skills = sorted(metrics["task"].unique()), sorted(metrics["skill"].unique())
+    figure, grid = panels(len(tasks), len(skills), (3.6 * len(skills), 3.2 * len(tasks)), sharey=True)
+    for (task, skill), part in metrics.groupby(["task", "skill"]):
+        axes = grid[tasks.index(task), skills.index(skill)]
+        for name, rows in part.dropna(subset=[column]).groupby("variant", observed=True):
+            mean = rows.groupby("env_steps")[column].mean()
+            axes.plot(mean.index, mean, marker=".", linewidth=1, label=readable(name))
+        axes.set(title=f"{task}: skill {int(skill)}", xlabel="environment steps")
+        axes.set_ylabel(readable(column))
+    grid[0, 0].legend(fontsize=7)
+    return figure

@@ -1,0 +1,44 @@
+"""A figure with a grid of panels, and writing it as a PNG file."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+__all__ = ["message", "panels", "readable", "save_figure"]
+
+
+def panels(
+    rows: int, columns: int, size: tuple[float, float], **options: Any
+) -> tuple[Figure, NDArray[np.object_]]:
+    """A figure of `size` (inches) and its panels, (rows, columns) of `Axes`, each with a grid."""
+    figure = Figure(figsize=size, layout="constrained")
+    grid = figure.subplots(rows, columns, squeeze=False, **options)
+    for axes in grid.flat:
+        axes.grid(alpha=0.3)
+        axes.set_axisbelow(True)
+    return figure, grid
+
+
+def save_figure(figure: Figure, path: str | Path, dpi: int = 110) -> Path:
+    """Writes a PNG file, the same bytes for the same figure; makes its folder."""
+    Path(path).parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=dpi, metadata={"Software": None})
+    return Path(path)
+
+
+def message(text: str) -> Figure:
+    """A figure that only says something."""
+    figure = Figure(figsize=(7, 1), layout="constrained")
+    axes: Axes = figure.subplots()
+    axes.text(0.5, 0.5, text, ha="center", va="center")
+    axes.set_axis_off()
+    return figure
+
+
+def readable(name: object) -> str:
+    """A column's or a system's name as a reader sees it."""
+    return str(name).replace("_", " ")

@@ -1,0 +1,56 @@
+"""Where skills end and begin: terminal states and hand-overs."""
+
+from collections.abc import Sequence
+
+import pandas as pd
+from matplotlib.figure import Figure
+
+from tstar_rl.analysis.figures.panels import panels, readable
+
+__all__ = ["hand_over_matrix", "terminal_state_plane"]
+
+
+def terminal_state_plane(table: pd.DataFrame, shares: Sequence[float]) -> Figure:
+    """Terminal states in the plane of `terminal_states.add_plane`: a panel a system, coloured by progress of training.
+
+    Args:
+        table: with columns system, x, y, progress.
+        shares: (2,) of the variance, of the two components.
+    """
+    systems = list(dict.fromkeys(table["system"]))
+    figure, grid = panels(1, len(systems), (4.6 * len(systems), 4), sharex=True, sharey=True)
+    points = None
+    for axes, system in zip(grid[0], systems, strict=True):
+        rows = table[table["system"] == system]
+        points = axes.scatter(rows.x, rows.y, c=rows.progress, s=8, cmap="viridis", vmin=0, vmax=1)
+        axes.set(title=readable(system), xlabel=f"component 1 ({shares[0]:.0%})")
+        axes.locator_params(nbins=5)
+    grid[0][0].set_ylabel(f"component 2 ({shares[1]:.0%})")
+    if points is not None:
+        figure.colorbar(points, ax=grid[0].tolist(), label="progress of training")
+    return figure
+
+
+def hand_over_matrix(table: pd.DataFrame) -> Figure:
+    """Success of each skill from its own starts and from where the one before ends, mean over seeds.
+
+    Args:
+        table: rows of hand_over.csv of one task and checkpoint.
+    """
+    systems, subtasks = list(dict.fromkeys(table["system"])), sorted(table["subtask"].unique())
+    size = (2.2 + 1.7 * len(subtasks), 1.4 + 0.5 * len(systems))
+    figure, grid = panels(1, 2, size, sharey=True)
+    titles = {"own_starts": "from its own starts", "handed_over": "from where the one before ends"}
+    for axes, (column, title) in zip(grid[0], titles.items(), strict=True):
+        axes.grid(False)
+        mean = table.pivot_table(index="system", columns="subtask", values=column, dropna=False)
+        values = mean.reindex(index=systems, columns=subtasks).to_numpy(dtype=float)
+        axes.imshow(values, vmin=0, vmax=1, cmap="RdYlGn", aspect="auto")
+        for row in range(len(systems)):
+            for place in range(len(subtasks)):
+                number = values[row, place]
+                axes.text(place, row, "" if number != number else f"{number:.2f}", ha="center", va="center")
+        axes.set_title(title, fontsize=9)
+        axes.set_xticks(range(len(subtasks)), [f"skill {index}" for index in subtasks])
+        axes.set_yticks(range(len(systems)), [readable(name) for name in systems])
+    return figure

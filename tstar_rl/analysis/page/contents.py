@@ -1,0 +1,94 @@
+"""Which published experiments the page shows, from results/published/contents.yaml."""
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import yaml
+
+__all__ = ["Contents", "Entry", "read_contents"]
+
+FILE = "contents.yaml"
+KINDS = ("experiment", "paper", "ablations")
+COMMITS = ("one", "several")
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One experiment on the page."""
+
+    folder: Path
+    kind: str
+    commits: str = "one"
+    """one: arms of several commits are refused; several: the page says which."""
+    pairs: tuple[tuple[str, str], ...] = ()
+    """Arms that are compared: first less second."""
+
+    @property
+    def prefix(self) -> str:
+        """Of its figures."""
+        return f"{self.folder.name}_"
+
+    def intro(self) -> str:
+        """Its README.md: a title, and what was done."""
+        return (self.folder / "README.md").read_text().strip()
+
+    @property
+    def title(self) -> str:
+        return self.intro().splitlines()[0].removeprefix("# ")
+
+
+@dataclass(frozen=True)
+class Contents:
+    """All experiments, in the order of the page."""
+
+    experiments: tuple[Entry, ...]
+    readme: tuple[str, ...] = ()
+    """Folders whose short tables the README shows."""
+
+
+def read_contents(root: str | Path) -> Contents:
+    """Reads contents.yaml.
+
+    Args:
+        root: of the published results.
+
+    Raises:
+        FileNotFoundError: if there is no such file, or an experiment's folder has no README.md.
+        ValueError: for a field or a value that there is not, and for folders of results that the file leaves out.
+    """
+    root = Path(root)
+    file = root / FILE
+    if not file.is_file():
+        raise FileNotFoundError(f"{file} says which published results the page shows, and is not there")
+    values = yaml.safe_load(file.read_text())
+    entries = tuple(_entry(root, one) for one in values["experiments"])
+    named = {entry.folder.name for entry in entries}
+    left_out = {folder.name for folder in root.iterdir() if folder.is_dir()} - named
+    if left_out:
+        raise ValueError(f"{file} leaves out {', '.join(sorted(left_out))}")
+    readme = tuple(values.get("readme", ()))
+    if set(readme) - named:
+        raise ValueError(
+            f"{file}: readme names {', '.join(sorted(set(readme) - named))}; there are {sorted(named)}"
+        )
+    return Contents(entries, readme)
+
+
+def _entry(root: Path, one: dict) -> Entry:
+    """One item of `experiments`."""
+    known = [field.name for field in fields(Entry)]
+    unknown = [str(name) for name in one if name not in known]
+    if unknown:
+        raise ValueError(
+            f"{root / FILE}: an experiment has no {', '.join(unknown)}; it has {', '.join(known)}"
+        )
+    pairs = tuple((str(first), str(second)) for first, second in one.get("pairs", ()))
+    entry = Entry(root / one["folder"], one["kind"], one.get("commits", "one"), pairs)
+    for name, value, valid in (("kind", entry.kind, KINDS), ("commits", entry.commits, COMMITS)):
+        if value not in valid:
+            raise ValueError(
+                f"{root / FILE}: {name} of {one['folder']} must be one of {', '.join(valid)}, got {value}"
+            )
+    if not (entry.folder / "README.md").is_file():
+        raise FileNotFoundError(f"{entry.folder / 'README.md'} gives an experiment's title, and is not there")
+    return entry

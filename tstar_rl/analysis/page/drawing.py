@@ -1,0 +1,83 @@
+"""The figures of the page, all of them drawn from the published tables."""
+
+from pathlib import Path
+
+import pandas as pd
+
+from tstar_rl.analysis.experiments import read_experiment
+from tstar_rl.analysis.figures import hand_over_matrix, save_figure, seed_curves, terminal_state_plane
+from tstar_rl.analysis.page.contents import Entry, read_contents
+from tstar_rl.analysis.page.experiment import draw_experiment
+from tstar_rl.analysis.page.markdown import Paper, picture
+from tstar_rl.analysis.tables import read_hand_over, read_metrics
+from tstar_rl.analysis.terminal_states import add_plane, read_terminal_states
+
+__all__ = ["curve_groups", "curves", "draw_page"]
+
+COLUMNS = {
+    "skills": {"success_rate": "seed", "episode_length": "seed"},
+    "chains": {"success_rate": "skill", "trial_progress": "seed"},
+    "single_policies": {"phase": "seed", "completed": "seed"},
+}
+CAPTIONS = {
+    "skills": "Success of the skills in training, a line for each seed.",
+    "chains": "Fine-tuning the chains: success in training, a colour for each skill; trials, one for each seed.",
+    "single_policies": "Policies of the whole task in training: mean phase, and subtasks completed in an episode.",
+}
+
+
+def curve_groups(metrics: pd.DataFrame, task: str) -> dict[str, pd.DataFrame]:
+    """What a task's runs logged: of skills, of chains, and of policies for the whole task, where there are any."""
+    rows = metrics[(metrics["task"] == task) & (metrics["env_steps"] > 0)] if len(metrics) else metrics
+    if rows.empty:
+        return {}
+    chained = rows["skill"].notna() if "skill" in rows else pd.Series(False, rows.index)
+    whole = (rows["subtask"] == -1) & ~chained
+    groups = {"skills": rows[rows["subtask"] >= 0], "chains": rows[chained], "single_policies": rows[whole]}
+    return {name: group for name, group in groups.items() if len(group)}
+
+
+def curves(metrics: pd.DataFrame, task: str, prefix: str) -> str:
+    """Links to the figures of `curve_groups`."""
+    return "\n".join(
+        picture(CAPTIONS[name], f"{prefix}{task}_{name}") for name in curve_groups(metrics, task)
+    )
+
+
+def draw_page(root: Path, paper: Paper, figures: Path) -> list[Path]:
+    """Draws every figure that the page shows.
+
+    Args:
+        root: of the published results.
+        paper: docs/paper_results.yaml.
+        figures: folder of the PNG files.
+    """
+    found = []
+    for entry in read_contents(root).experiments:
+        if entry.kind == "ablations":
+            continue
+        if entry.kind == "experiment":
+            experiment = read_experiment(entry.folder, entry.commits == "one")
+            found += draw_experiment(experiment, paper, entry, figures)
+        found += _draw_runs(entry, figures)
+    return found
+
+
+def _draw_runs(entry: Entry, figures: Path) -> list[Path]:
+    """Curves, hand-overs and terminal states of every task."""
+    metrics, handed, found = read_metrics(entry.folder), read_hand_over(entry.folder), []
+    for task in sorted(folder.name for folder in entry.folder.iterdir() if folder.is_dir()):
+        for name, rows in curve_groups(metrics, task).items():
+            where = rows["recipe"] + (" " + rows["subtask"].astype(str) if name == "skills" else "")
+            figure = seed_curves(rows.assign(panel=where), COLUMNS[name], "panel")
+            found.append(save_figure(figure, figures / f"{entry.prefix}{task}_{name}.png"))
+        mine = handed[(handed["task"] == task) & (handed["checkpoint"] == "last")] if len(handed) else handed
+        if len(mine):
+            found.append(save_figure(hand_over_matrix(mine), figures / f"{entry.prefix}{task}_hand_over.png"))
+        spread = entry.folder / task / "terminal_states_spread.csv"
+        if spread.is_file():
+            systems = list(dict.fromkeys(pd.read_csv(spread)["system"]))
+            states, shares = add_plane(read_terminal_states(entry.folder, task, systems))
+            plane = terminal_state_plane(states, shares)
+            found.append(save_figure(plane, figures / f"{entry.prefix}{task}_terminal_states.png"))
+    return found

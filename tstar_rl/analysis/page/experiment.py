@@ -1,0 +1,139 @@
+"""An experiment as a part of the page: its arms with intervals, its comparisons, and the commits it comes from."""
+
+import math
+from pathlib import Path
+
+import pandas as pd
+
+from tstar_rl.analysis.experiments import Experiment, arm_table, compare_arms, hand_over_gaps
+from tstar_rl.analysis.figures import arms_figure, differences_figure, save_figure
+from tstar_rl.analysis.page.contents import Entry
+from tstar_rl.analysis.page.markdown import (
+    NOTHING,
+    Paper,
+    arm_label,
+    arm_order,
+    interval,
+    picture,
+    signed_interval,
+    table,
+)
+from tstar_rl.analysis.tables import UNKNOWN
+
+__all__ = ["arms", "commits", "comparison_table", "comparisons", "draw_experiment", "short_table"]
+
+ARMS = "Every seed is a dot, with interquartile mean and 95% interval; right: the share of seeds above a progress."
+PAIRS = "Differences in progress on the same seed."
+STARRED = "\n\\* Gap to the skills before fine-tuning: the arm's own skills were not tried alone.\n"
+
+
+def ordered(experiment: Experiment, paper: Paper, task: str, mode: str = "deterministic") -> pd.DataFrame:
+    """Rows of the last checkpoint, arms in the order of `markdown.arm_order`."""
+    rows = experiment.chosen(task, "last", mode)
+    order = {name: place for place, name in enumerate(arm_order(paper, rows["arm"]))}
+    return rows.sort_values(
+        ["arm", "seed"], key=lambda v: v.map(order) if v.name == "arm" else v, ignore_index=True
+    )
+
+
+def _gap(gaps: pd.DataFrame, arm: str) -> list[str]:
+    """Product of the skills' own success and gap, mean over seeds; a star where the skills are not the arm's own."""
+    mine = gaps[gaps["arm"] == arm]
+    if mine["gap"].isna().all():
+        return [NOTHING, NOTHING]
+    star = "" if mine["fine_tuned"].all() else " \\*"
+    return [f"{mine['product'].mean():.3f}", f"{mine['gap'].mean():.3f}{star}"]
+
+
+def arms(experiment: Experiment, paper: Paper, task: str, prefix: str) -> str:
+    """The table of the arms of a task, and their figure."""
+    rows, sampled = (ordered(experiment, paper, task, mode) for mode in ("deterministic", "stochastic"))
+    gaps, noisy = hand_over_gaps(experiment, task), arm_table(sampled)
+    lines = []
+    for arm, row in arm_table(rows).iterrows():
+        mine = rows[rows["arm"] == arm]
+        line = [arm_label(paper, str(arm)), f"{row['seeds']:.0f}"]
+        line += [
+            interval(*(row[f"{name}{end}"] for end in ("", "_low", "_high")))
+            for name in ("progress", "success")
+        ]
+        line.append(" ".join(f"{value:.2f}" for value in mine["progress"]))
+        line.append(f"{noisy.loc[arm, 'progress']:.3f}" if arm in noisy.index else NOTHING)
+        line += _gap(gaps, str(arm))
+        lines.append([*line, _millions(mine["env_steps"].mean())])
+    header = [
+        "arm",
+        "seeds",
+        "progress [95%]",
+        "success [95%]",
+        "progress of each seed",
+        "sampled actions: progress",
+    ]
+    found = table([*header, "product of its skills", "hand-over gap", "environment steps"], lines)
+    starred = STARRED if any("\\*" in line[-2] for line in lines) else ""
+    return f"{picture(ARMS, f'{prefix}{task}_arms')}\n{found}{starred}"
+
+
+def short_table(experiment: Experiment, paper: Paper, task: str) -> str:
+    """The arms of a task in four columns, for the README."""
+    rows, gaps, lines = ordered(experiment, paper, task), hand_over_gaps(experiment, task), []
+    for arm, row in arm_table(rows).iterrows():
+        spans = [
+            interval(*(row[f"{name}{end}"] for end in ("", "_low", "_high")))
+            for name in ("progress", "success")
+        ]
+        lines.append([arm_label(paper, str(arm)), *spans, _gap(gaps, str(arm))[1], f"{row['seeds']:.0f}"])
+    starred = STARRED if any("\\*" in line[-2] for line in lines) else ""
+    return table(["arm", "progress [95%]", "success [95%]", "hand-over gap", "seeds"], lines) + starred
+
+
+def comparison_table(experiment: Experiment, paper: Paper, entry: Entry, task: str) -> str:
+    """The compared pairs of a task; nothing if none shares a seed."""
+    lines = []
+    for row in compare_arms(ordered(experiment, paper, task), entry.pairs).itertuples():
+        better = (row.improvement, row.improvement_low, row.improvement_high)
+        half = NOTHING if math.isnan(row.t_half) else f"+- {row.t_half:.3f}"
+        line = [f"{arm_label(paper, row.first)} less {arm_label(paper, row.second)}", str(row.seeds)]
+        line += [signed_interval(row.difference, row.low, row.high), half, interval(*better)]
+        lines.append([*line, str(row.verdict)])
+    header = ["difference in progress", "seeds", "mean [95%, bootstrap]", "95%, Student's t"]
+    return table([*header, "probability of improvement [95%]", "the first is"], lines) if lines else ""
+
+
+def comparisons(experiment: Experiment, paper: Paper, entry: Entry, task: str) -> str:
+    """The table of the compared pairs of a task, and their figure; nothing if none shares a seed."""
+    found = comparison_table(experiment, paper, entry, task)
+    return f"{picture(PAIRS, f'{entry.prefix}{task}_differences')}\n{found}" if found else ""
+
+
+def commits(experiment: Experiment) -> str:
+    """A sentence that names the commits of the arms."""
+    found = experiment.commits()
+    if len(found) == 1 and UNKNOWN not in found:
+        return f"All arms come from commit {next(iter(found))[:7]}.\n"
+    parts = []
+    for commit, runs in found.items():
+        seeds: dict[str, list[str]] = {}
+        for run in runs:
+            arm, _, seed = run.rpartition("/seed")
+            seeds.setdefault(arm, []).append(seed)
+        named = "; ".join(f"`{arm}` (seed {', '.join(each)})" for arm, each in seeds.items())
+        parts.append(f"- {'unknown' if commit == UNKNOWN else commit[:7]}: {named}\n")
+    return "The arms come from several commits:\n\n" + "".join(parts)
+
+
+def draw_experiment(experiment: Experiment, paper: Paper, entry: Entry, figures: Path) -> list[Path]:
+    """Writes the figures that `arms` and `comparisons` show."""
+    found = []
+    for task in experiment.tasks:
+        rows = ordered(experiment, paper, task)
+        called = {arm: arm_label(paper, arm) for arm in rows["arm"]}
+        found.append(save_figure(arms_figure(rows, called), figures / f"{entry.prefix}{task}_arms.png"))
+        if len(compare_arms(rows, entry.pairs)):
+            drawn = differences_figure(rows, entry.pairs, called)
+            found.append(save_figure(drawn, figures / f"{entry.prefix}{task}_differences.png"))
+    return found
+
+
+def _millions(steps: float) -> str:
+    return NOTHING if math.isnan(steps) else f"{steps / 1e6:.2f}M"

@@ -1,0 +1,100 @@
+"""Tables and numbers as Markdown, and what systems and arms are called."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import pandas as pd
+
+__all__ = [
+    "NOTHING",
+    "arm_label",
+    "arm_order",
+    "interval",
+    "labels",
+    "over_seeds",
+    "picture",
+    "share",
+    "signed_interval",
+    "table",
+]
+
+Paper = Mapping[str, Any]
+"""docs/paper_results.yaml."""
+NOTHING = "-"
+
+
+def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table; columns after the first are set to the right."""
+    lines = ["| " + " | ".join(header) + " |", "|---|" + "---:|" * (len(header) - 1)]
+    return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in rows)]) + "\n"
+
+
+def picture(words: str, file: str) -> str:
+    """A figure in docs/figures with its caption."""
+    return f"![{words}](figures/{file}.png)\n"
+
+
+def over_seeds(values: pd.Series, percent: bool = False) -> str:
+    """Mean +- standard deviation over seeds; the value alone of one seed."""
+    if values.empty:
+        return NOTHING
+    scale, digits, unit = (100, 1, "%") if percent else (1, 3, "")
+    text = f"{scale * values.mean():.{digits}f}"
+    if len(values) > 1:
+        text += f" +- {scale * values.std(ddof=1):.{digits}f}"
+    return text + unit
+
+
+def share(values: pd.Series) -> str:
+    """A mean share; nothing where no seed has one."""
+    return NOTHING if values.isna().all() else f"{values.mean():.2f}"
+
+
+def interval(value: float, low: float, high: float) -> str:
+    """A share with its 95% interval."""
+    return f"{value:.3f} [{low:.2f}, {high:.2f}]"
+
+
+def signed_interval(value: float, low: float, high: float) -> str:
+    """A difference with its 95% interval."""
+    return f"{value:+.3f} [{low:+.2f}, {high:+.2f}]"
+
+
+def _known(paper: Paper) -> dict[str, str]:
+    """Labels of the paper's systems, then of our arms."""
+    systems = {name: values["label"] for name, values in paper["systems"].items()}
+    return systems | {name: label for name, label in paper.get("arms", {}).items() if name not in systems}
+
+
+def arm_order(paper: Paper, found: Iterable[str]) -> list[str]:
+    """Arms in the order of the paper file's `arms`, each followed by its variants; then what else has been run."""
+    known = list(paper.get("arms", {}))
+
+    def place(arm: str) -> tuple[int, int, str]:
+        return (known.index(_base(paper, arm)) if _base(paper, arm) in known else len(known), len(arm), arm)
+
+    return sorted(set(found), key=place)
+
+
+def _base(paper: Paper, arm: str) -> str:
+    """An arm's name without its endings."""
+    for ending in paper.get("arm_endings", {}):
+        if arm.endswith(ending):
+            return _base(paper, arm.removesuffix(ending))
+    return arm
+
+
+def labels(paper: Paper, found: Iterable[str]) -> dict[str, str]:
+    """What rows are called, in their order: the paper's systems, our arms, then what else has been run."""
+    known = _known(paper)
+    return known | {name: arm_label(paper, name) for name in sorted(set(found) - set(known))}
+
+
+def arm_label(paper: Paper, arm: str) -> str:
+    """What an arm is called: its own name, then what its endings say (`_no_gate`, ...)."""
+    known = _known(paper)
+    if arm not in known:
+        for ending, words in paper.get("arm_endings", {}).items():
+            if arm.endswith(ending):
+                return f"{arm_label(paper, arm.removesuffix(ending))}, {words}"
+    return known.get(arm, arm)

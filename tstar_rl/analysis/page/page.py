@@ -1,0 +1,161 @@
+"""docs/results.md as text, and the block of it that the README shows.
+
+The same published tables give the same text. Nothing is left out for being bad; what the paper lacks stands beside it.
+"""
+
+import re
+from pathlib import Path
+
+import pandas as pd
+
+from tstar_rl.analysis.experiments import read_experiment
+from tstar_rl.analysis.page import experiment as parts
+from tstar_rl.analysis.page import sections
+from tstar_rl.analysis.page.contents import Entry, read_contents
+from tstar_rl.analysis.page.drawing import curves
+from tstar_rl.analysis.page.markdown import Paper
+from tstar_rl.analysis.tables import read_evaluations, read_metrics
+
+__all__ = ["replace_block", "results_head", "results_page"]
+
+BEGIN, END = "<!-- results: begin -->", "<!-- results: end -->"
+WRITTEN = """\
+<!-- Written by recipes/report.py from results/published/, docs/paper_results.yaml and docs/results_notes.md. -->
+"""
+READING = """\
+## How to read the tables
+
+A subtask done is a quarter of the progress; success is the whole task. Evaluation is on fresh deterministic episodes,
+on seeds that nothing was trained or chosen on. In the columns "sampled", actions are drawn from the policy instead.
+*Last* is the last checkpoint. *Best* is, of a chain, the one that did best on trials of its own after each turn, and of
+a single policy the one with the highest running mean of subtasks completed in training. The paper gives its best
+checkpoint.
+
+*Progress [95%]* and *success [95%]* are interquartile means over seeds (with fewer than four seeds: means). The
+interval is a bootstrap over seeds, and over episodes within seeds. With fewer than five seeds it is too narrow. So a
+*difference* between two arms, paired by seed, has Student's t beside it, and is called higher or lower only where both
+exclude zero. *Probability of improvement* is how often a seed of the first arm beats a seed of the second. Other tables
+give mean +- standard deviation over seeds.
+
+*Product of its skills* is the progress of a chain whose skills succeed as often from where the one before ends as from
+their own starts. The *hand-over gap* is that product less what the chain does: all that a way of chaining can mend.
+"""
+
+
+def results_page(root: str | Path, paper: Paper, notes: str) -> str:
+    """The whole page.
+
+    Args:
+        root: of the published results, with contents.yaml.
+        paper: docs/paper_results.yaml.
+        notes: what was found, in a person's words; the page leads with it.
+    """
+    entries = read_contents(root).experiments
+    found = [_experiment(entry, paper) for entry in entries]
+    said = _filled(notes, {entry.folder.name: entry for entry in entries}, paper)
+    return "\n\n".join(part.strip() for part in ("# Results", WRITTEN, said, READING, *found)) + "\n"
+
+
+def _filled(notes: str, entries: dict[str, Entry], paper: Paper) -> str:
+    """The notes with the tables that they ask for: `<!-- table: <folder> -->`, `<!-- comparisons: <folder> -->`.
+
+    Raises:
+        ValueError: for a folder that is no experiment.
+    """
+
+    def fill(found: re.Match[str]) -> str:
+        kind, entry = found[1], entries.get(found[2])
+        if entry is None or entry.kind != "experiment":
+            known = ", ".join(name for name, each in entries.items() if each.kind == "experiment")
+            raise ValueError(f"{found[0]}: there is no such experiment; there are {known}")
+        experiment = read_experiment(entry.folder)
+        shown = [
+            parts.short_table(experiment, paper, task)
+            if kind == "table"
+            else parts.comparison_table(experiment, paper, entry, task)
+            for task in experiment.tasks
+        ]
+        return "\n".join(shown).strip()
+
+    return re.sub(r"<!-- (table|comparisons): (\S+) -->", fill, notes)
+
+
+def _evaluations(root: Path) -> pd.DataFrame:
+    """Every evaluation; a script, which does not learn, is its own last checkpoint."""
+    return read_evaluations(root).replace({"checkpoint": {"script": "last"}})
+
+
+def _tasks(paper: Paper, evaluations: pd.DataFrame) -> list[str]:
+    """The tasks that were run, the paper's first."""
+    ours = set(evaluations["task"])
+    return [*(task for task in paper["tasks"] if task in ours), *sorted(ours - set(paper["tasks"]))]
+
+
+def _experiment(entry: Entry, paper: Paper) -> str:
+    """The part of the page that an experiment fills.
+
+    Raises:
+        ValueError: if its arms come from several commits and contents.yaml does not say so.
+    """
+    said = [f"#{entry.intro()}"]
+    if entry.kind == "ablations":
+        return "\n\n".join([*said, sections.ablated(entry.folder)])
+    evaluations, metrics = _evaluations(entry.folder), read_metrics(entry.folder)
+    experiment = read_experiment(entry.folder, entry.commits == "one") if entry.kind == "experiment" else None
+    said += [parts.commits(experiment)] if experiment else []
+    for task in _tasks(paper, evaluations):
+        said.append(f"### {entry.title}: {task}")
+        if experiment:
+            leads = {"Arms": parts.arms(experiment, paper, task, entry.prefix)}
+            leads["Comparisons"] = parts.comparisons(experiment, paper, entry, task)
+        else:
+            leads = {"The paper's table and ours": sections.comparison(evaluations, paper, task)}
+            leads["Budgets"] = sections.budgets(evaluations, paper, task)
+        leads["What the skills hand over"] = sections.hand_over(entry.folder, task, paper, entry.prefix)
+        leads["Skills alone"] = sections.skills(evaluations, task)
+        leads["Where the third skill ends: the paper's Figure 4"] = sections.figure_4(
+            entry.folder, task, paper, entry.prefix
+        )
+        leads["Curves"] = curves(metrics, task, entry.prefix)
+        leads["Every run"] = sections.by_seed(evaluations, paper, task)
+        said += [f"#### {title}\n\n{text.strip()}" for title, text in leads.items() if text]
+    return "\n\n".join(part.strip() for part in said)
+
+
+def results_head(root: str | Path, paper: Paper, notes: str) -> str:
+    """What the README shows: the first paragraph of the notes, and short tables of some experiments.
+
+    Args:
+        root: see `results_page`.
+        paper: see `results_page`.
+        notes: see `results_page`; the first paragraph ends with the first empty line.
+    """
+    contents = read_contents(root)
+    found = [notes.strip().split("\n\n")[0]]
+    for entry in (each for each in contents.experiments if each.folder.name in contents.readme):
+        evaluations = _evaluations(entry.folder)
+        tasks = _tasks(paper, evaluations)
+        link = f"[{entry.title}](docs/results.md#{_anchor(entry.title)})"
+        if entry.kind == "paper":
+            found += [link, sections.short_comparison(evaluations, paper, tasks)]
+        for task in tasks if entry.kind == "experiment" else ():
+            found += [f"{link}, `{task}`", parts.short_table(read_experiment(entry.folder), paper, task)]
+    return "\n\n".join(part.strip() for part in found)
+
+
+def _anchor(title: str) -> str:
+    """The link to a heading, as GitHub makes it."""
+    kept = "".join(letter for letter in title.lower() if letter.isalnum() or letter in " -_")
+    return kept.replace(" ", "-")
+
+
+def replace_block(text: str, block: str) -> str:
+    """The text with what is between the two markers replaced.
+
+    Raises:
+        ValueError: if the markers are not there.
+    """
+    if text.count(BEGIN) != 1 or text.count(END) != 1:
+        raise ValueError(f"the text needs one line {BEGIN} and, after it, one line {END}")
+    before, rest = text.split(BEGIN)
+    return f"{before}{BEGIN}\n{block.strip()}\n{END}{rest.split(END)[1]}"

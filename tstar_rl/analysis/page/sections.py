@@ -1,0 +1,190 @@
+"""Parts of the page that are tables of what was run: beside the paper, budgets, skills, hand-overs, every run."""
+
+from pathlib import Path
+
+import pandas as pd
+
+from tstar_rl.analysis import ablations, variants
+from tstar_rl.analysis.page.markdown import (
+    NOTHING,
+    Paper,
+    interval,
+    labels,
+    over_seeds,
+    picture,
+    share,
+    table,
+)
+from tstar_rl.analysis.tables import UNKNOWN, whole_task
+
+__all__ = [
+    "ablated",
+    "budgets",
+    "by_seed",
+    "comparison",
+    "figure_4",
+    "hand_over",
+    "short_comparison",
+    "skills",
+]
+
+TIME = """\
+Ours: wall-clock minutes of processes with one thread each, two at a time on two cores that may have been busy with
+other things as well. A chain's row includes the training of its skills; demonstrations and evaluation are in no row.
+Steps are those learned from. A chain's trials, for its gate and to know its best, are in the minutes alone.
+"""
+HANDED = """\
+Success of each skill from where the one before ends / from its own starts: fresh deterministic episodes, mean over
+seeds. Each skill has the steps of one subtask; in the whole task a slow one also uses what those before it left.
+"""
+SPREAD = """\
+Terminal states of successes in training, in three equal parts of it. Poses are metres and quaternions of all parts.
+"""
+
+
+def pick(
+    evaluations: pd.DataFrame, system: str, checkpoint: str, mode: str = "deterministic"
+) -> pd.DataFrame:
+    """The rows of a system, one for each seed."""
+    chosen = evaluations[evaluations["recipe"] == system]
+    return chosen[(chosen["checkpoint"] == checkpoint) & (chosen["mode"] == mode)].sort_values("seed")
+
+
+def comparison(evaluations: pd.DataFrame, paper: Paper, task: str) -> str:
+    """The paper's Table 1 and ours for one task."""
+    whole, rows = whole_task(evaluations, task), []
+    for system, label in labels(paper, whole["recipe"]).items():
+        last, best = (pick(whole, system, checkpoint) for checkpoint in ("last", "best"))
+        theirs = _theirs(paper, system, task)
+        if theirs == [NOTHING, NOTHING] and last.empty and best.empty:
+            continue
+        row = [label, *theirs]
+        for ours in (last, best):
+            row += [over_seeds(ours["progress"]), over_seeds(ours["success"], percent=True)]
+        seeds = max(last["seed"].nunique(), best["seed"].nunique())
+        rows.append([*row, str(seeds) if seeds else "not run"])
+    header = ["system", "paper: progress", "success", "ours, last: progress", "success"]
+    return table([*header, "ours, best: progress", "success", "seeds"], rows)
+
+
+def short_comparison(evaluations: pd.DataFrame, paper: Paper, tasks: list[str]) -> str:
+    """Progress of every system on every task, the paper's and ours, for the README."""
+    rows = []
+    for system, label in labels(paper, evaluations["recipe"]).items():
+        row = [label]
+        for task in tasks:
+            last = pick(whole_task(evaluations, task), system, "last")
+            row += [_theirs(paper, system, task)[0], over_seeds(last["progress"])]
+        if set(row[1:]) != {NOTHING}:
+            rows.append(row)
+    header = [f"{task}: {whose}" for task in tasks for whose in ("paper", "ours")]
+    return table(["progress", *header], rows)
+
+
+def _theirs(paper: Paper, system: str, task: str) -> list[str]:
+    """The paper's progress and success."""
+    found = paper["systems"].get(system, {})
+    progress, success = found.get("progress", {}).get(task), found.get("success", {}).get(task)
+    shown = f"{progress[0]:.2f} +- {progress[1]:.2f}" if progress else NOTHING
+    return [shown, NOTHING if success is None else f"{success:.0%}"]
+
+
+def budgets(evaluations: pd.DataFrame, paper: Paper, task: str) -> str:
+    """Steps and time, the paper's and ours."""
+    whole, rows = whole_task(evaluations, task), []
+    for system, label in labels(paper, whole["recipe"]).items():
+        theirs, last = paper["systems"].get(system, {}), pick(whole, system, "last")
+        if last.empty:
+            continue
+        hours = theirs.get("hours", paper["hours"])
+        long = f"{hours} h, {paper['workers']} workers" if "steps" in theirs and hours else NOTHING
+        steps = f"{last['env_steps'].mean() / 1e6:.2f}M" if last["env_steps"].mean() else "none"
+        rows.append([label, theirs.get("steps", NOTHING), long, steps, f"{last['minutes'].mean():.1f}"])
+    header = ["system", "paper: steps", "paper: time", "ours: environment steps", "ours: minutes of one core"]
+    return f"{TIME}\n{table(header, rows)}" if rows else ""
+
+
+def by_seed(evaluations: pd.DataFrame, paper: Paper, task: str) -> str:
+    """A row for each run and checkpoint."""
+    whole, rows = whole_task(evaluations, task), []
+    shares = [name for name in whole.columns if str(name).startswith("subtask_")]
+    for system, label in labels(paper, whole["recipe"]).items():
+        kept = set(whole[whole["recipe"] == system]["checkpoint"])
+        for checkpoint in sorted(kept, key=lambda name: (name != "last", name != "best", name)):
+            sampled = pick(whole, system, checkpoint, "stochastic").set_index("seed")["progress"]
+            for _, run in pick(whole, system, checkpoint).iterrows():
+                success = f"{run['success']:.1%} [{run['success_low']:.1%}, {run['success_high']:.1%}]"
+                done = " ".join(f"{run[name]:.2f}" for name in shares if not pd.isna(run[name]))
+                other = f"{sampled[run['seed']]:.3f}" if run["seed"] in sampled else NOTHING
+                row = [label, str(run["seed"]), checkpoint, f"{run['progress']:.3f}", success, done, other]
+                commit = run["commit"] if run["commit"] == UNKNOWN else run["commit"][:7]
+                rows.append([*row, str(run["episodes"]), commit])
+    header = ["system", "seed", "checkpoint", "progress", "success [95%]", "by subtask", "sampled: progress"]
+    return table([*header, "episodes", "commit"], rows) if rows else ""
+
+
+def skills(evaluations: pd.DataFrame, task: str) -> str:
+    """Success of each subtask's skill alone, from its own starts."""
+    alone, rows = evaluations[(evaluations["task"] == task) & (evaluations["subtask"] >= 0)], []
+    for (system, subtask), part in alone.groupby(["recipe", "subtask"]):
+        last, best = (pick(part, str(system), checkpoint) for checkpoint in ("last", "best"))
+        row = [over_seeds(one["success"], percent=True) for one in (last, best)]
+        trained = best if last.empty else last  # what else is there was kept on the way, as SPiRL's prior
+        steps = f"{trained['env_steps'].mean() / 1e6:.2f}M" if len(trained) else NOTHING
+        rows.append([f"{system}, subtask {subtask}", *row, steps, str(part["seed"].nunique())])
+    return table(["skill", "last", "best", "environment steps", "seeds"], rows) if rows else ""
+
+
+def figure_4(root: Path, task: str, paper: Paper, prefix: str) -> str:
+    """Spread of the third skill's terminal states, from what `recipes/terminal_states.py` wrote."""
+    path = root / task / "terminal_states_spread.csv"
+    if not path.is_file():
+        return ""
+    found, rows = pd.read_csv(path), []
+    names = labels(paper, found["system"])
+    for (system, seed), part in found.groupby(["system", "seed"], sort=False):
+        numbers = [
+            [f"{run.spread:.4f}", f"{run.spread_position:.5f}", str(run.states)] for run in part.itertuples()
+        ]
+        cells = [" / ".join(three) for three in zip(*numbers, strict=True)]
+        rows.append([names[str(system)], str(seed), *cells])
+    header = ["system", "seed", "trace of the covariance, by third", "of positions alone, m2", "states"]
+    shown = picture("Where the third skill ends over training.", f"{prefix}{task}_terminal_states")
+    return f"{shown}\n{SPREAD}\n{table(header, rows)}"
+
+
+def hand_over(root: Path, task: str, paper: Paper, prefix: str) -> str:
+    """Each skill from where the one before ends and from its own starts, from what `recipes/hand_over.py` wrote."""
+    path = root / task / "hand_over.csv"
+    if not path.is_file():
+        return ""
+    found, rows = pd.read_csv(path), []
+    for system, label in labels(paper, found["system"]).items():
+        for checkpoint, part in found[found["system"] == system].groupby("checkpoint", sort=False):
+            groups = [group for _, group in part.groupby("subtask")]
+            cells = [f"{share(g['handed_over'])} / {share(g['own_starts'])}" for g in groups]
+            cells[0] = share(groups[0]["own_starts"])
+            rows.append([f"{label}, {checkpoint}", *cells, str(part["seed"].nunique())])
+    width = max(len(row) for row in rows) - 2
+    rows = [row[:-1] + [NOTHING] * (width + 2 - len(row)) + row[-1:] for row in rows]
+    header = ["system", *(f"skill {index}" for index in range(width)), "seeds"]
+    shown = picture("What the skills hand over.", f"{prefix}{task}_hand_over")
+    return f"{shown}\n{HANDED}\n{table(header, rows)}"
+
+
+def ablated(root: Path) -> str:
+    """A table and its finding for each ablation that has been run."""
+    sections = []
+    for name in variants.names():
+        if not any(root.glob(f"*/{variants.FOLDER}/{name}/*/seed*/evaluation.csv")):
+            continue
+        found, rows = ablations.load_ablation(name, root), []
+        for (task, variant), line in ablations.ablation_table(found).iterrows():  # pyright: ignore[reportGeneralTypeIssues]
+            spans = [
+                interval(*(line[f"{measure}{end}"] for end in ("", "_low", "_high")))
+                for measure in ("progress", "success")
+            ]
+            rows.append([f"{task}: {variant}", *spans, f"{line['seeds']:.0f}"])
+        shown = table([name, "progress [95%]", "success [95%]", "seeds"], rows)
+        sections.append(f"### {name}\n\n{shown}\n```\n{ablations.ablation_finding(found)}\n```\n")
+    return "\n".join(sections)

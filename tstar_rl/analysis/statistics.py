@@ -1,0 +1,201 @@
+"""Statistics of arms that were trained with several seeds and evaluated for many episodes each.
+
+Scores of an arm are a list with one array of episodes for each seed. Every interval is a 95% percentile bootstrap:
+seeds are drawn with replacement, then episodes within each drawn seed, so both sources of chance are in it. With
+fewer than about five seeds such an interval is too narrow; `paired_difference` gives Student's t beside it.
+
+Source: Agarwal et al., Deep Reinforcement Learning at the Edge of the Statistical Precipice, NeurIPS 2021.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.stats import t as student
+
+__all__ = [
+    "Difference",
+    "Interval",
+    "improvement_interval",
+    "interquartile_interval",
+    "interquartile_mean",
+    "paired_difference",
+    "performance_profile",
+    "probability_of_improvement",
+    "profile_band",
+    "resampled_means",
+]
+
+Array = NDArray[np.floating]
+Scores = Sequence[ArrayLike]  # (episodes,) of each seed
+RESAMPLES = 5_000
+
+
+class Interval(NamedTuple):
+    """An estimate and its 95% interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+class Difference(NamedTuple):
+    """Mean difference of two arms on the seeds that both have."""
+
+    value: float
+    low: float
+    high: float
+    t_half: float
+    """Half of Student's 95% interval over seeds; nan for one seed."""
+    seeds: int
+
+    def verdict(self) -> str:
+        """Returns "higher" or "lower" where every interval excludes 0, else "not told apart"."""
+        sure = self.low > 0 or self.high < 0
+        if math.isfinite(self.t_half):
+            sure &= abs(self.value) > self.t_half
+        return "not told apart" if not sure else "higher" if self.value > 0 else "lower"
+
+
+def interquartile_mean(values: ArrayLike) -> Array:
+    """Mean over the last axis of what is left when floor(n / 4) values are cut at either end.
+
+    With fewer than four values nothing is cut: it is the mean.
+
+    Source: Agarwal et al. 2021, section 4.3.
+    """
+    ordered = np.sort(np.asarray(values, dtype=float), axis=-1)
+    if not ordered.shape[-1]:
+        raise ValueError("the interquartile mean needs at least one value, got none")
+    cut = ordered.shape[-1] // 4
+    return ordered[..., cut : ordered.shape[-1] - cut].mean(-1)
+
+
+def resampled_means(scores: Scores, chosen: NDArray[np.int64], rng: np.random.Generator) -> Array:
+    """The mean score of each drawn seed, over episodes drawn with replacement within it.
+
+    Args:
+        scores: of one arm.
+        chosen: (resamples, seeds) indices into `scores`.
+        rng: draws the episodes.
+
+    Returns:
+        (resamples, seeds).
+    """
+    means = np.empty(chosen.shape)
+    for index, episodes in enumerate(scores):
+        values, counts = np.unique(np.asarray(episodes, dtype=float), return_counts=True)
+        here, number = chosen == index, counts.sum()
+        means[here] = rng.multinomial(number, counts / number, size=int(here.sum())) @ values / number
+    return means
+
+
+def _drawn(scores: Scores, rng: np.random.Generator, resamples: int) -> Array:
+    """(resamples, seeds) means of an arm whose seeds and episodes are drawn."""
+    return resampled_means(scores, rng.integers(len(scores), size=(resamples, len(scores))), rng)
+
+
+def _means(scores: Scores) -> Array:
+    """(seeds,) mean score of each seed."""
+    if not len(scores) or any(not np.size(episodes) for episodes in scores):
+        raise ValueError("statistics need at least one seed, and at least one episode of each")
+    return np.array([np.mean(np.asarray(episodes, dtype=float)) for episodes in scores])
+
+
+def _ends(draws: Array) -> tuple[float, float]:
+    low, high = np.quantile(draws, (0.025, 0.975))
+    return float(low), float(high)
+
+
+def interquartile_interval(
+    strata: Sequence[Scores], rng: np.random.Generator, resamples: int = RESAMPLES
+) -> Interval:
+    """Interquartile mean over the mean scores of all seeds, with its stratified bootstrap interval.
+
+    Args:
+        strata: scores for each task; seeds are drawn within their task. One task: `[scores]`.
+        rng: draws seeds and episodes.
+        resamples: of the bootstrap.
+
+    Source: Agarwal et al. 2021, section 4.1 (stratified bootstrap) and 4.3 (interquartile mean).
+    """
+    value = interquartile_mean(np.concatenate([_means(scores) for scores in strata]))
+    draws = np.concatenate([_drawn(scores, rng, resamples) for scores in strata], axis=1)
+    return Interval(float(value), *_ends(interquartile_mean(draws)))
+
+
+def paired_difference(
+    first: Mapping[int, ArrayLike],
+    second: Mapping[int, ArrayLike],
+    rng: np.random.Generator,
+    resamples: int = RESAMPLES,
+) -> Difference:
+    """Mean of first less second over the seeds that both have, seeds drawn as pairs.
+
+    Args:
+        first: (episodes,) scores by seed.
+        second: the same of the other arm.
+        rng: draws pairs, and episodes of each arm.
+        resamples: of the bootstrap.
+
+    Raises:
+        ValueError: if no seed is in both.
+
+    Source: Efron and Tibshirani, An Introduction to the Bootstrap, 1993, chapter 8 (pairs are the unit); Student 1908.
+    """
+    both = sorted(set(first) & set(second))
+    if not both:
+        raise ValueError(f"no seed in common: {sorted(first)} and {sorted(second)}")
+    pair = [[arm[seed] for seed in both] for arm in (first, second)]
+    differences, number = _means(pair[0]) - _means(pair[1]), len(both)
+    chosen = rng.integers(number, size=(resamples, number))
+    draws = (resampled_means(pair[0], chosen, rng) - resampled_means(pair[1], chosen, rng)).mean(-1)
+    half = math.nan
+    if number > 1:
+        half = float(student.ppf(0.975, number - 1) * differences.std(ddof=1) / math.sqrt(number))
+    return Difference(float(differences.mean()), *_ends(draws), half, number)
+
+
+def probability_of_improvement(first: ArrayLike, second: ArrayLike) -> Array:
+    """P(X > Y) + P(X = Y) / 2 for X of `first` (..., n) and Y of `second` (..., m).
+
+    Source: Mann and Whitney 1947: U / (n m); Agarwal et al. 2021, section 4.3.
+    """
+    x, y = (np.asarray(values, dtype=float) for values in (first, second))
+    pairs = x[..., :, None] - y[..., None, :]
+    return ((pairs > 0) + 0.5 * (pairs == 0)).mean((-2, -1))
+
+
+def improvement_interval(
+    first: Scores, second: Scores, rng: np.random.Generator, resamples: int = RESAMPLES
+) -> Interval:
+    """Probability that a seed of `first` has a higher mean than a seed of `second`, with its interval.
+
+    Source: Agarwal et al. 2021, section 4.3; see `probability_of_improvement`.
+    """
+    value = probability_of_improvement(_means(first), _means(second))
+    draws = [_drawn(scores, rng, resamples) for scores in (first, second)]
+    return Interval(float(value), *_ends(probability_of_improvement(*draws)))
+
+
+def performance_profile(values: ArrayLike, thresholds: ArrayLike) -> Array:
+    """Share of the last axis of `values` (..., n) that is above each threshold: (..., thresholds).
+
+    Source: Agarwal et al. 2021, section 4.2 (score distribution).
+    """
+    found = np.asarray(values, dtype=float)[..., None] > np.asarray(thresholds, dtype=float)
+    return found.mean(-2)
+
+
+def profile_band(
+    scores: Scores, thresholds: ArrayLike, rng: np.random.Generator, resamples: int = RESAMPLES
+) -> tuple[Array, Array, Array]:
+    """The performance profile of the seeds' means, and the lower and the upper end of its band, each (thresholds,).
+
+    Source: Agarwal et al. 2021, section 4.2; pointwise 95%.
+    """
+    drawn = performance_profile(_drawn(scores, rng, resamples), thresholds)
+    low, high = np.quantile(drawn, (0.025, 0.975), axis=0)
+    return performance_profile(_means(scores), thresholds), low, high

@@ -1,0 +1,139 @@
+"""Reading what runs leave behind: metrics.csv, evaluation.csv, hand_over.csv and config.yaml, as pandas tables.
+
+A folder of results holds <task>/<system>/seed<k>[/subtask<i>]/. What has no subtask is a chain, or one policy for the
+whole task; its subtask reads -1.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import yaml
+from numpy.typing import NDArray
+
+from tstar_rl.runs.run_folder import read_run_path
+
+__all__ = [
+    "commit_of",
+    "config_of",
+    "episode_progress",
+    "evaluation_table",
+    "read_evaluations",
+    "read_hand_over",
+    "read_metrics",
+    "whole_task",
+]
+
+LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # libyaml, where it is there, reads ten times faster
+UNKNOWN = "-"
+"""The commit of a run that says none."""
+
+
+def read_metrics(root: str | Path = "results") -> pd.DataFrame:
+    """Every metrics.csv below `root`, with columns task, recipe, seed, subtask added."""
+    return _read(root, "metrics.csv")
+
+
+def read_evaluations(root: str | Path = "results") -> pd.DataFrame:
+    """Every evaluation.csv below `root`, with columns task, recipe, seed, subtask and commit added.
+
+    Raises:
+        ValueError: if a table has rows of another seed than its folder's.
+    """
+    return _read(root, "evaluation.csv", commits=True)
+
+
+def read_hand_over(root: str | Path = "results") -> pd.DataFrame:
+    """Every hand_over.csv below `root`, with column task added: success of each skill of a chain.
+
+    `own_starts` is from the skill's own starts, `handed_over` from where the skill before ends.
+    """
+    frames = [
+        pd.read_csv(file).assign(task=file.parent.name) for file in sorted(Path(root).glob("*/hand_over.csv"))
+    ]
+    return pd.concat(frames, ignore_index=True) if frames else pd.DataFrame()
+
+
+def _read(root: str | Path, name: str, commits: bool = False) -> pd.DataFrame:
+    root = Path(root)
+    depths = ("*/*/seed*", "*/*/seed*/subtask*")
+    files = [file for depth in depths for file in sorted(root.glob(f"{depth}/{name}"))]
+    frames = [_read_one(file, root) for file in files]
+    if commits:
+        frames = [
+            rows.assign(commit=commit_of(file.parent)) for rows, file in zip(frames, files, strict=True)
+        ]
+    return pd.concat(frames, ignore_index=True) if frames else pd.DataFrame()
+
+
+def _read_one(file: Path, root: Path) -> pd.DataFrame:
+    """The table of a run, with its task, recipe, seed and subtask."""
+    table, (place, _) = pd.read_csv(file), read_run_path(file.relative_to(root))
+    seeds = set(table.get("seed", ())) - {place.seed}
+    if seeds:
+        others = ", ".join(map(str, sorted(seeds)))
+        raise ValueError(
+            f"{file} has rows of seed {others}: they are another run's; delete them and evaluate that run"
+        )
+    subtask = -1 if place.subtask is None else place.subtask
+    return table.assign(task=place.task, recipe=place.system, seed=place.seed, subtask=subtask)
+
+
+def config_of(folder: Path) -> dict[str, Any]:
+    """The values in a run's config.yaml; none where it has none."""
+    config = folder / "config.yaml"
+    return (yaml.load(config.read_text(), LOADER) or {}) if config.is_file() else {}
+
+
+def commit_of(folder: Path) -> str:
+    """The commit that a run's config.yaml names, 40 hex digits; "-" where it names none."""
+    return str(config_of(folder).get("versions", {}).get("commit", UNKNOWN))
+
+
+def whole_task(
+    evaluations: pd.DataFrame, task: str, checkpoint: str | None = None, mode: str | None = None
+) -> pd.DataFrame:
+    """The rows of chains, and of policies for the whole task, in the order of their seeds."""
+    if evaluations.empty:
+        return evaluations
+    chosen = evaluations[(evaluations.task == task) & (evaluations.subtask == -1)]
+    for name, value in (("checkpoint", checkpoint), ("mode", mode)):
+        chosen = chosen if value is None else chosen[chosen[name] == value]
+    return chosen.sort_values("seed", kind="stable")
+
+
+def episode_progress(row: pd.Series) -> NDArray[np.floating]:
+    """(episodes,) progress of every episode behind a row of an evaluation, in [0, 1], sorted.
+
+    Subtasks are done in their order. So the share s_k of episodes that completed subtask k says how many completed
+    exactly k + 1 of L subtasks: n (s_k - s_{k+1}).
+
+    Raises:
+        ValueError: if a later subtask was completed more often than an earlier one, or progress is not their mean.
+    """
+    names = sorted(
+        (str(name) for name in row.index if str(name).startswith("subtask_")), key=lambda n: int(n[8:])
+    )
+    shares = np.array([float(row[name]) for name in names if not pd.isna(row[name])])
+    number = int(row["episodes"])
+    completed = np.round(shares * number).astype(int)
+    if not len(completed) or (np.diff(completed) > 0).any():
+        raise ValueError(f"shares of completed subtasks must not rise along the task, got {shares.tolist()}")
+    if abs(completed.mean() / number - row["progress"]) > 0.5 / number:
+        raise ValueError(f"progress {row['progress']} is not the mean of the shares {shares.tolist()}")
+    exactly = -np.diff([number, *completed, 0])
+    return np.repeat(np.arange(len(completed) + 1) / len(completed), exactly)
+
+
+def evaluation_table(
+    evaluations: pd.DataFrame, checkpoint: str = "last", mode: str = "deterministic"
+) -> pd.DataFrame:
+    """Mean over seeds of each recipe's whole-task evaluation."""
+    chosen = evaluations[(evaluations.subtask == -1) & (evaluations.checkpoint == checkpoint)]
+    chosen = chosen[chosen["mode"] == mode]
+    shares = [name for name in chosen.columns if name.startswith("subtask_")]
+    columns = ["progress", "success", "success_low", "success_high", *shares, "env_steps", "minutes"]
+    table = chosen.groupby(["task", "recipe"])[columns].mean()
+    table.insert(0, "seeds", chosen.groupby(["task", "recipe"]).seed.nunique())
+    return table
