@@ -13,6 +13,7 @@ LAYERS = (
     ("checks", "geometry", "furniture", "settings"),
     ("robots",),
     ("scene", "rendering"),
+    ("look", "player"),
     ("physics",),
     ("connection",),
     ("tasks",),

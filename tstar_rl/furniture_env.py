@@ -147,7 +147,7 @@ class FurnitureEnv(EnvBase):
 
     def write_mp4(self, path: str | Path, positions: Tensor) -> bool:
         """Films joint positions (T, nq); False, after one warning, where nothing can draw."""
-        renderer = rendering.make_renderer(self.world.model)
+        renderer = rendering.make_renderer(self.world.drawn_model)
         if renderer is None:
             return False
         rendering.write_mp4(path, (renderer.draw(row) for row in positions.cpu()))
