@@ -8,11 +8,12 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: help setup assemble assemble-quick test test-all lint type format bench clean
+.PHONY: help setup assemble assemble-quick test test-all lint type format bench watch clean
 
 help:
 	@echo "make assemble        demonstrations, four skills, T-STAR, evaluation, video, curves (SEED=0)"
 	@echo "make assemble-quick  the same path made small"
+	@echo "make watch           an assembly to play in a browser: runs/watch.html"
 	@echo "make test | test-all | lint | type | format | bench"
 
 setup: $(READY)
@@ -28,6 +29,9 @@ assemble: $(READY)
 
 assemble-quick: $(READY)
 	$(BIN)/python recipes/assemble.py scale=quick seed=$(SEED) $(ARGS)
+
+watch: $(READY)
+	$(BIN)/python recipes/watch.py $(ARGS)
 
 test: $(READY)
 	$(BIN)/python -m pytest -m "not slow" $(ARGS)

@@ -116,20 +116,23 @@ def record_episode(
     env: TransformedEnv,
     policy: Callable[[TensorDictBase], TensorDictBase],
     title: str,
+    success: bool | None = None,
     signals: Mapping[str, Signal] | None = None,
 ) -> dict[str, Any]:
-    """One deterministic episode of the first simulation of `env`, for `FurnitureEnv.write_player`.
+    """Runs a deterministic episode of every simulation of `env`, and gives one for `FurnitureEnv.write_player`.
 
     Args:
         env: from `with_starts`, with snapshots=True.
         policy: any: reads and writes TensorDicts of batch [N].
         title: shown above it.
+        success: the first episode that ended so is given, or simulation 0's where none did; None: simulation 0's.
         signals: what else to show of each step, by name.
     """
-    log = EpisodeLog(env.base_env, 1, signals)
+    log = EpisodeLog(env.base_env, None if success is not None else 1, signals)
     with set_exploration_type(ExplorationType.DETERMINISTIC):
         run_episodes(env, policy, log)
-    return log.episode(0, title)
+    row = 0 if success is None else int((log.successes() == success).int().argmax())
+    return log.episode(row, title)
 
 
 def _kept(values: Tensor) -> Tensor:
