@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import tstar_envs
+from tstar_envs import rendering
 from tstar_envs.furniture import load, names
 from tstar_envs.look import build_drawn_model
 from tstar_envs.robots import sawyer
@@ -65,3 +66,21 @@ def test_the_pedestal_stands_on_the_floor():
     mine = [g for g in range(model.ngeom) if model.geom_bodyid[g] == base and model.geom_group[g] == 1]
     bottoms = [data.geom_xpos[g, 2] - model.geom_size[g, 1] for g in mine]
     assert min(bottoms) == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("name", names())
+def test_arm_and_parts_are_in_the_picture(name):
+    model = build_drawn_model(load(name))
+    renderer = rendering.make_renderer(model, 120, 160)
+    if renderer is None:
+        pytest.skip(rendering.NOTICE)
+    home = model.qpos0.copy()
+    home[: sawyer.NUM_JOINTS] = sawyer.HOME_QPOS
+    image = renderer.draw(home).astype(int)
+    red = (image[..., 0] > 60) & (image[..., 0] > 2.5 * image[..., 1]) & (image[..., 0] > 2.5 * image[..., 2])
+    assert red.sum() > 500, "the shell of the arm"
+    for part in load(name).part_names:
+        away = home.copy()
+        away[model.jnt_qposadr[model.joint(part).id]] += 50
+        assert (renderer.draw(away) != image).any(-1).sum() > 15, part
+    renderer.close()

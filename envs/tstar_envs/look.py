@@ -9,6 +9,7 @@ from __future__ import annotations
 import mujoco
 
 from tstar_envs.furniture.schema import Furniture
+from tstar_envs.rendering import CAMERA
 from tstar_envs.robots import sawyer_look
 from tstar_envs.scene import build_spec
 
@@ -22,6 +23,7 @@ def build_drawn_spec(furniture: Furniture) -> mujoco.MjSpec:
     sawyer_look.add_look(spec)
     _add_floor(spec)
     _add_light(spec)
+    _step_back(spec.camera(CAMERA))
     return spec
 
 
@@ -53,8 +55,16 @@ def _add_light(spec: mujoco.MjSpec) -> None:
         pos=(1.5, 1.5, 2), dir=(-0.6, -0.6, -0.7), type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, castshadow=False,
         diffuse=(0.18, 0.19, 0.22), specular=(0.1, 0.1, 0.1),
     )  # fmt: skip
+    spec.visual.rgba.haze = (0.87, 0.9, 0.93, 1)  # at the horizon, as bright as the sky
     quality = spec.visual.quality
     quality.shadowsize = (
         2048  # half MuJoCo's, and fewer facets: a frame takes 1.2 times that of the bare scene, not 2
     )
     quality.numslices, quality.numstacks = 20, 12
+
+
+def _step_back(camera: mujoco.MjsCamera) -> None:
+    """Puts the camera where the raised arm and its pedestal are in the picture."""
+    camera.pos, camera.fovy = (-1.04, -1.25, 0.965), 42
+    camera.alt.type = mujoco.mjtOrientation.mjORIENTATION_XYAXES
+    camera.alt.xyaxes = (0.848, -0.530, 0, 0.181, 0.290, 0.940)
