@@ -1,7 +1,7 @@
 """How the Sawyer arm is drawn: rounded links, dark joints, a head, and a pedestal that stands on the floor.
 
 Nothing here collides or weighs anything. Still it is left out of the scene that is simulated, because MuJoCo moves
-every geom in every step: 45 more of them cost a tenth of the speed. `tstar_envs.look` adds it to a scene to draw.
+every geom in every step: these would cost 5% of the speed. `tstar_envs.look` adds it to a scene to draw.
 
 Sizes in m, positions in the frame of the link. Source: drawn by eye after photographs of the arm.
 """
