@@ -3,7 +3,7 @@
 Nothing here collides or weighs anything. Still it is left out of the scene that is simulated, because MuJoCo moves
 every geom in every step: these would cost 5% of the speed. `tstar_envs.look` adds it to a scene to draw.
 
-Sizes in m, positions in the frame of the link. Source: drawn by eye after photographs of the arm.
+Sizes in m, positions in the frame of the link. Source: by eye, about the axes of the joints.
 """
 
 from __future__ import annotations
