@@ -17,52 +17,21 @@ from typing import Any
 import dm_env
 import numpy as np
 import torch
-from dm_control.mujoco import Physics
-from dm_control.mujoco.wrapper import MjModel
-from dm_control.rl import control
 from dm_env import specs
 from tensordict import TensorDict
 
+from tstar_envs.dm_physics import AssemblyPhysics  # before dm_control: it says how to draw
 from tstar_envs.environment import BatchedEnvironment
 from tstar_envs.furniture import library
-from tstar_envs.physics.single import SinglePhysics
 from tstar_envs.scene import SUBSTEPS, build_model
+from tstar_envs.settings import TaskSettings
 from tstar_envs.tasks.actions import NUM_ACTIONS
 
+# isort: split
+from dm_control.mujoco.wrapper import MjModel
+from dm_control.rl import control
+
 _INDICES = ("subtask", "phase", "completed")
-
-
-class AssemblyPhysics(Physics):
-    """dm_control's physics, stepped as every simulator here.
-
-    What MuJoCo gives up on raises nothing: it is in `failed` and ends the episode, as in every front.
-    """
-
-    view: SinglePhysics
-    failed: torch.Tensor
-    """(1,) bool: whether MuJoCo gave up on the simulation in the last step."""
-
-    def step(self, nstep: int = 1) -> None:
-        """Takes `nstep` physics steps under the controls in `view.ctrl`."""
-        self.failed = self.view.step(nstep)
-
-    def set_control(self, control: Any) -> None:
-        """Sets the controls (9,): seven joint velocities, rad/s, and two finger positions, m."""
-        self.view.ctrl[0] = torch.as_tensor(np.asarray(control, dtype=np.float64))
-
-    def reset(self, keyframe_id: int | None = None) -> None:
-        """Puts the simulation back to the model's default state, all welds undone."""
-        self.view.clear(torch.ones(1, dtype=torch.bool))
-        self.view.forward()
-
-    def after_reset(self) -> None:
-        """Nothing: the task leaves positions, velocities and their sensors current."""
-
-    def _reload_from_data(self, data: Any) -> None:
-        self.view = SinglePhysics(data.model.ptr, data.ptr)
-        self.failed = torch.zeros(1, dtype=torch.bool)
-        super()._reload_from_data(data)
-        self.view.forward()
 
 
 class AssemblyTask(control.Task):
@@ -102,7 +71,7 @@ class AssemblyTask(control.Task):
         """Reads what the step did."""
         self.world.after_step(self._action, physics.failed)
 
-    def get_observation(self, physics: AssemblyPhysics) -> dict[str, np.ndarray]:
+    def get_observation(self, physics: AssemblyPhysics) -> dict[str, Any]:
         """See `DmEnvironment`."""
         numbers = {name: self.world.state[name].squeeze(0).numpy().copy() for name in _INDICES}
         return {"observation": self.world.observation().squeeze(0).numpy(), **numbers}
@@ -161,6 +130,7 @@ class DmEnvironment(control.Environment):
 
 def make(task: str, subtask: int | None, seed: int | None, settings: dict[str, Any]) -> DmEnvironment:
     """See `registry.load_dm`."""
+    chosen = TaskSettings.from_keywords("load_dm", settings)
     physics = AssemblyPhysics.from_model(MjModel(build_model(library.load(task))))
-    world = BatchedEnvironment(task, 1, subtask, seed=seed, settings=settings, physics=physics.view)
+    world = BatchedEnvironment(task, 1, subtask, seed=seed, settings=chosen, physics=physics.view)
     return DmEnvironment(physics, AssemblyTask(world))

@@ -8,6 +8,7 @@ import torch
 
 from tstar_envs.environment import BatchedEnvironment
 from tstar_envs.furniture.library import names
+from tstar_envs.settings import TaskSettings
 
 if TYPE_CHECKING:
     from tstar_envs.dm_environment import DmEnvironment
@@ -38,10 +39,12 @@ def load(
         **settings: `tstar_envs.settings.TaskSettings` by name.
 
     Raises:
-        ValueError: unknown furniture, subtask, device, simulator or setting, or a number that cannot be; the message
+        ValueError: unknown furniture, subtask, device or simulator, or a setting or number that cannot be; the message
             says what is valid.
+        TypeError: a keyword that is no setting.
     """
-    return BatchedEnvironment(name, num_sims, subtask, nthread, seed, settings, device, physics)
+    chosen = TaskSettings.from_keywords("load", settings)
+    return BatchedEnvironment(name, num_sims, subtask, nthread, seed, chosen, device, physics)
 
 
 def load_dm(task: str, subtask: int | None = None, seed: int | None = None, **settings: Any) -> DmEnvironment:
