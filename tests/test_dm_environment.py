@@ -90,10 +90,6 @@ def test_observations_are_not_views_of_the_simulation():
         (lambda: load_dm("table_lak"), "no furniture is called 'table_lak': did you mean 'table_lack'"),
         (lambda: load_dm(TASK, subtask=4), r"in 0..3, got 4"),
         (
-            lambda: load_dm(TASK, velocity_scal=0.4),
-            "task setting 'velocity_scal'.*did you mean 'velocity_scale'",
-        ),
-        (
             lambda: load_dm(TASK, gripper="soft"),
             "setting gripper must be one of sign, continuous; got 'soft'",
         ),
@@ -102,6 +98,11 @@ def test_observations_are_not_views_of_the_simulation():
 def test_mistakes_when_loading_are_told(make, message):
     with pytest.raises(ValueError, match=message):
         make()
+
+
+def test_a_keyword_that_is_no_setting_is_a_type_error():
+    with pytest.raises(TypeError, match="unexpected keyword argument 'velocity_scal'.*mean 'velocity_scale'"):
+        load_dm(TASK, velocity_scal=0.4)
 
 
 def test_mistakes_when_stepping_are_told():

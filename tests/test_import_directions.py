@@ -21,6 +21,7 @@ LAYERS = (
     ("tasks",),
     ("experts", "snapshot_check", "state_edit"),
     ("environment",),
+    ("dm_physics",),
     ("registry", "dm_environment", "gymnasium_shared"),
     ("gymnasium_env", "gymnasium_vector_env"),
 )

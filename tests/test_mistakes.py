@@ -37,7 +37,6 @@ def env():
         ({"device": "mps"}, "device 'cpu' or 'cuda', got 'mps'"),
         ({"device": "cuda", "physics": "mujoco"}, "physics 'mujoco' runs on device 'cpu'"),
         ({"physics": "isaac"}, "physics must be one of mujoco, warp or None, got 'isaac'"),
-        ({"velocity_scal": 0.4}, "'velocity_scal'.*did you mean 'velocity_scale'.*valid settings: .*gripper"),
         ({"velocity_scale": 2.0}, r"velocity_scale must be in \(0, 1\], got 2.0"),
         ({"gripper": "soft"}, "gripper must be one of sign, continuous; got 'soft'"),
         ({"max_steps": 0}, "max_steps must be at least 1, got 0"),
@@ -46,6 +45,12 @@ def env():
 def test_an_environment_that_cannot_be(arguments, message):
     with pytest.raises(ValueError, match=message):
         FurnitureEnv(**{"task": TASK, **arguments})
+
+
+def test_a_keyword_that_is_no_setting():
+    said = "unexpected keyword argument 'velocity_scal'.*did you mean 'velocity_scale'.*valid settings: .*gripper"
+    with pytest.raises(TypeError, match=said):
+        FurnitureEnv(TASK, velocity_scal=0.4)
 
 
 def test_an_action_of_another_shape(env):
@@ -98,7 +103,7 @@ def test_an_unknown_config_key():
 def test_an_unknown_config_key_that_is_forced_in():
     with pytest.raises(ValueError, match="PPOSettings has no learning_rat; it has .*learning_rate"):
         settings(PPOSettings, config("+ppo.learning_rat=1").ppo)
-    with pytest.raises(ValueError, match="unknown task setting 'velocity_scal'"):
+    with pytest.raises(TypeError, match="unexpected keyword argument 'velocity_scal'.*'velocity_scale'"):
         environment(config("+env.velocity_scal=1"), 0, 1, 0)
 
 

@@ -3,9 +3,8 @@
 Importing it gives Gymnasium an id for every piece of furniture; see `gymnasium_env`.
 """
 
-from tstar_envs.dm_environment import load_dm
 from tstar_envs.gymnasium_env import register
-from tstar_envs.registry import load, names
+from tstar_envs.registry import load, load_dm, names
 
 __all__ = ["load", "load_dm", "names"]
 

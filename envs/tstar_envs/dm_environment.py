@@ -1,9 +1,13 @@
-"""One simulation of an assembly task as a `dm_env.Environment`: the batched environment with N = 1.
+"""One simulation of an assembly task as dm_control's `Environment`, with its `Physics` and its `Task`.
 
 env = tstar_envs.load_dm("table_lack", subtask=0, seed=0)
 step = env.reset()
 while not step.last():
     step = env.step(policy(step.observation))
+
+dm_control's tools work on it: `dm_control.viewer`, `suite.wrappers.pixels`, `suite.wrappers.action_scale`. The task is
+`tasks.assembly`, as under every front: its simulator is here the MjData of dm_control's physics (`physics.single`), so
+`env.physics.data` is the simulation and not a copy.
 """
 
 from __future__ import annotations
@@ -16,13 +20,87 @@ import torch
 from dm_env import specs
 from tensordict import TensorDict
 
+from tstar_envs.dm_physics import AssemblyPhysics  # before dm_control: it says how to draw
 from tstar_envs.environment import BatchedEnvironment
+from tstar_envs.furniture import library
+from tstar_envs.scene import SUBSTEPS, build_model
+from tstar_envs.settings import TaskSettings
 from tstar_envs.tasks.actions import NUM_ACTIONS
+
+# isort: split
+from dm_control.mujoco.wrapper import MjModel
+from dm_control.rl import control
 
 _INDICES = ("subtask", "phase", "completed")
 
 
-class DmEnvironment(dm_env.Environment):
+class AssemblyTask(control.Task):
+    """The verbs of dm_control's tasks, each handed on to the world, which simulates with `physics.view`."""
+
+    def __init__(self, world: BatchedEnvironment):
+        self.world = world
+        self._action = torch.zeros(1, NUM_ACTIONS, dtype=torch.float64)
+        self._random_state: np.random.RandomState | None = None
+
+    @property
+    def _random(self) -> np.random.RandomState | None:
+        """What start noise is seeded from, where somebody has set it, as TorchRL does: suite tasks have it."""
+        return self._random_state
+
+    @_random.setter
+    def _random(self, state: np.random.RandomState) -> None:
+        self._random_state = state
+        self.world.seed(int(state.randint(2**31)))
+
+    def initialize_episode(self, physics: AssemblyPhysics) -> None:
+        """Starts a new episode from the environment's own start."""
+        self.world.reset()
+
+    def before_step(self, action: np.ndarray, physics: AssemblyPhysics) -> None:
+        """Writes controls for `action` (9,).
+
+        Raises:
+            ValueError: it has another shape, or is NaN.
+        """
+        values = np.array(action, dtype=np.float64)
+        if values.shape != (NUM_ACTIONS,):
+            raise ValueError(f"an action of {self.world.name} has shape ({NUM_ACTIONS},), got {values.shape}")
+        self._action = self.world.before_step(torch.from_numpy(values).unsqueeze(0))
+
+    def after_step(self, physics: AssemblyPhysics) -> None:
+        """Reads what the step did."""
+        self.world.after_step(self._action, physics.failed)
+
+    def get_observation(self, physics: AssemblyPhysics) -> dict[str, Any]:
+        """See `DmEnvironment`."""
+        numbers = {name: self.world.state[name].squeeze(0).numpy().copy() for name in _INDICES}
+        return {"observation": self.world.observation().squeeze(0).numpy(), **numbers}
+
+    def get_reward(self, physics: AssemblyPhysics) -> float:
+        """Reward of the last step."""
+        return float(self.world.task.get_reward(self.world.state))
+
+    def get_termination(self, physics: AssemblyPhysics) -> float | None:
+        """None while the episode goes on; then the discount: 0 after success or failure, 1 at the time limit."""
+        terminated, truncated = self.world.task.get_termination(self.world.state)
+        if bool(terminated):
+            return 0.0
+        return 1.0 if bool(truncated) else None
+
+    def action_spec(self, physics: AssemblyPhysics) -> specs.BoundedArray:
+        """Seven joint velocities, gripper, connect: (9,), values in [-1, 1]."""
+        return specs.BoundedArray((NUM_ACTIONS,), np.float64, -1.0, 1.0, name="action")
+
+    def observation_spec(self, physics: AssemblyPhysics) -> dict[str, specs.Array]:
+        """See `DmEnvironment`."""
+        numbers = {name: specs.Array((), np.int64, name=name) for name in _INDICES}
+        return {
+            "observation": specs.Array((self.world.num_observations,), np.float64, name="observation"),
+            **numbers,
+        }
+
+
+class DmEnvironment(control.Environment):
     """An assembly task with numpy arrays in and out, float64.
 
     The observation is a dict: `observation` (O,), and `subtask`, `phase` and `completed` as integers. The discount
@@ -30,42 +108,15 @@ class DmEnvironment(dm_env.Environment):
     From the same snapshot, the same actions give the same bits as in the batched environment.
     """
 
-    def __init__(self, world: BatchedEnvironment):
-        if world.num_sims != 1:
-            raise ValueError(f"a dm_env.Environment is one simulation, got a world of {world.num_sims}")
-        self.world = world
-        self._begun = False
-
-    def reset(self) -> dm_env.TimeStep:
-        """Starts a new episode from the environment's own start."""
-        self.world.reset()
-        return self._restart()
+    def __init__(self, physics: AssemblyPhysics, task: AssemblyTask):
+        super().__init__(physics, task, n_sub_steps=SUBSTEPS)
+        self.world = task.world
 
     def reset_to(self, snapshot: TensorDict) -> dm_env.TimeStep:
         """Starts a new episode from a snapshot of batch [1], at the beginning of the subtask that it is at."""
         self.world.reset_to(snapshot)
-        return self._restart()
-
-    def step(self, action: np.ndarray) -> dm_env.TimeStep:
-        """Takes one control step under `action` (9,); after the end of an episode, and at first, resets instead.
-
-        Raises:
-            ValueError: the action has another shape, or is NaN.
-        """
-        if not self._begun:
-            return self.reset()
-        values = np.asarray(action, dtype=np.float64)
-        if values.shape != (NUM_ACTIONS,):
-            raise ValueError(f"an action of {self.world.name} has shape ({NUM_ACTIONS},), got {values.shape}")
-        self.world.step(torch.from_numpy(values).unsqueeze(0))
-        state, task = self.world.state, self.world.task
-        terminated, truncated = (bool(flag) for flag in task.get_termination(state))
-        reward = float(task.get_reward(state))
-        if not terminated and not truncated:
-            return dm_env.transition(reward, self._observe())
-        self._begun = False
-        ends = dm_env.termination if terminated else dm_env.truncation
-        return ends(reward, self._observe())
+        self._reset_next_step, self._step_count = False, 0
+        return dm_env.restart(self._task.get_observation(self._physics))
 
     def snapshot(self) -> TensorDict:
         """State of the simulation, batch [1]; see `tstar_envs.environment`."""
@@ -76,37 +127,10 @@ class DmEnvironment(dm_env.Environment):
         """Whether the last step ended the episode in success."""
         return bool(self.world.state["success"])
 
-    def action_spec(self) -> specs.BoundedArray:
-        """Seven joint velocities, gripper, connect: (9,), values in [-1, 1]."""
-        return specs.BoundedArray((NUM_ACTIONS,), np.float64, -1.0, 1.0, name="action")
 
-    def observation_spec(self) -> dict[str, specs.Array]:
-        """See the class."""
-        numbers = {name: specs.Array((), np.int64, name=name) for name in _INDICES}
-        return {
-            "observation": specs.Array((self.world.num_observations,), np.float64, name="observation"),
-            **numbers,
-        }
-
-    def _restart(self) -> dm_env.TimeStep:
-        self._begun = True
-        return dm_env.restart(self._observe())
-
-    def _observe(self) -> dict[str, Any]:
-        numbers = {name: self.world.state[name].squeeze(0).numpy().copy() for name in _INDICES}
-        return {"observation": self.world.observation().squeeze(0).numpy(), **numbers}
-
-
-def load_dm(task: str, subtask: int | None = None, seed: int | None = None, **settings: Any) -> DmEnvironment:
-    """Returns an assembly task as a `dm_env.Environment`.
-
-    Args:
-        task: furniture, e.g. `table_lack`.
-        subtask: step of the recipe, 0-based; None for the whole task.
-        seed: of the start noise; None draws one.
-        **settings: fields of `tstar_envs.settings.TaskSettings`.
-
-    Raises:
-        ValueError: unknown furniture, subtask or setting.
-    """
-    return DmEnvironment(BatchedEnvironment(task, 1, subtask, nthread=1, seed=seed, settings=settings))
+def make(task: str, subtask: int | None, seed: int | None, settings: dict[str, Any]) -> DmEnvironment:
+    """See `registry.load_dm`."""
+    chosen = TaskSettings.from_keywords("load_dm", settings)
+    physics = AssemblyPhysics.from_model(MjModel(build_model(library.load(task))))
+    world = BatchedEnvironment(task, 1, subtask, seed=seed, settings=chosen, physics=physics.view)
+    return DmEnvironment(physics, AssemblyTask(world))

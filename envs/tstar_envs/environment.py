@@ -18,11 +18,12 @@ from tstar_envs.furniture import library
 from tstar_envs.look import build_drawn_model
 from tstar_envs.physics.masks import write
 from tstar_envs.physics.simulators import make_physics
+from tstar_envs.physics.view import PhysicsView
 from tstar_envs.scene import SUBSTEPS, build_model
 from tstar_envs.settings import TaskSettings
 from tstar_envs.snapshot_check import SnapshotCheck
 from tstar_envs.state_edit import StateEditor
-from tstar_envs.tasks.actions import NUM_ACTIONS
+from tstar_envs.tasks.actions import NUM_ACTIONS, read_actions, read_mask
 from tstar_envs.tasks.assembly import Assembly, assign
 from tstar_envs.tasks.phase_reward import PHASES
 
@@ -44,13 +45,14 @@ class BatchedEnvironment:
         seed: of the private random generator of start noise; None draws one.
         settings: `TaskSettings`, or plain values of its fields.
         device: where the simulations and all tensors are, `cpu` or `cuda`.
-        physics: `mujoco` or `warp`; None takes what simulates on `device` best. See `physics.simulators`.
+        physics: `mujoco` or `warp`; None takes what simulates on `device` best. See `physics.simulators`. Or `num_sims`
+            simulations of the furniture's scene, ready made; `device` and `nthread` do not count then.
     """
 
     def __init__(
         self, name: str, num_sims: int = 1, subtask: int | None = None, nthread: int = 0, seed: int | None = None,
         settings: TaskSettings | Mapping[str, Any] | None = None, device: str | torch.device = "cpu",
-        physics: str | None = None,
+        physics: str | PhysicsView | None = None,
     ):  # fmt: skip
         self.name, self.furniture = name, library.load(name)
         numbered = isinstance(subtask, int) and not isinstance(subtask, bool)
@@ -65,8 +67,9 @@ class BatchedEnvironment:
             settings if isinstance(settings, TaskSettings) else TaskSettings.from_mapping(settings or {})
         )
         self.subtask, self.num_sims = subtask, num_sims
-        self.model = build_model(self.furniture)
-        self.physics = make_physics(self.model, num_sims, nthread, device, physics)
+        if physics is None or isinstance(physics, str):
+            physics = make_physics(build_model(self.furniture), num_sims, nthread, device, physics)
+        self.physics, self.model = physics, physics.model
         self.generator = torch.Generator()
         self.task = Assembly(self.furniture, self.physics, subtask, self.settings, self.generator)
         self.seed(seed)
@@ -138,17 +141,29 @@ class BatchedEnvironment:
         Raises:
             ValueError: actions or `running` of another shape, or an action that is NaN.
         """
-        if action.shape != (self.num_sims, NUM_ACTIONS):
-            raise ValueError(
-                f"an action of {self.name} has shape ({self.num_sims}, {NUM_ACTIONS}): 7 joint velocities, gripper, "
-                f"connect for each simulation; got {tuple(action.shape)}"
-            )
-        action = action.to(torch.float64).clamp(-1.0, 1.0)
-        if running is not None:
-            return self._step_some(action, self._mask(running))
-        self._check_numbers(action)
+        if running is None:
+            action = self.before_step(action)
+            return self.after_step(action, self.physics.step(SUBSTEPS))
+        running = read_mask(self.name, running, self.num_sims)
+        if action.shape == (self.num_sims, NUM_ACTIONS):
+            action = torch.where(running.unsqueeze(-1), action, 0.0)  # 0 does not ask to connect
+        state, controls = self.state.clone(False), self.physics.ctrl.clone()
+        action = self.before_step(action)
+        write(self.physics.ctrl, controls, ~running)
+        self.after_step(action, self.physics.step(SUBSTEPS, running))
+        assign(self.state, state, ~running)
+
+    def before_step(self, action: Tensor) -> Tensor:
+        """The part of a step before the simulator's: writes controls; returns the clipped actions, float64."""
+        action = read_actions(self.name, action, self.num_sims)
         self.task.before_step(self.state, action)
-        self._after(action, self.physics.step(SUBSTEPS))
+        return action
+
+    def after_step(self, action: Tensor, failed: Tensor) -> None:
+        """The part of a step after the simulator's, under actions (N, 9) from `before_step`; `failed` is (N,)."""
+        if bool(failed.any()):
+            self._bury(failed)
+        self.task.after_step(self.state, action, failed)
 
     def observation(self) -> Tensor:
         """Observation (N, O), float64; O is 37 and 7 for each part. Source: docs/task.md, "Observation"."""
@@ -206,35 +221,6 @@ class BatchedEnvironment:
                 f"episodes of {asked} of {self.name} cannot start from snapshots of subtask "
                 f"{found[wrong][0].item()}; take states in which a subtask of theirs begins"
             )
-
-    def _check_numbers(self, action: Tensor) -> None:
-        bad = action.isnan().any(dim=-1)
-        if bool(bad.any()):
-            raise ValueError(
-                f"an action of {self.name} is NaN in simulations {bad.nonzero().flatten().tolist()[:8]}"
-            )
-
-    def _mask(self, running: Tensor) -> Tensor:
-        if running.shape != (self.num_sims,) or running.dtype != torch.bool:
-            raise ValueError(
-                f"which simulations of {self.name} run is a mask of shape ({self.num_sims},), torch.bool; "
-                f"got {tuple(running.shape)}, {running.dtype}"
-            )
-        return running
-
-    def _step_some(self, action: Tensor, running: Tensor) -> None:
-        action = torch.where(running.unsqueeze(-1), action, 0.0)  # 0 does not ask to connect
-        self._check_numbers(action)
-        state, controls = self.state.clone(False), self.physics.ctrl.clone()
-        self.task.before_step(self.state, action)
-        write(self.physics.ctrl, controls, ~running)
-        self._after(action, self.physics.step(SUBSTEPS, running))
-        assign(self.state, state, ~running)
-
-    def _after(self, action: Tensor, failed: Tensor) -> None:
-        if bool(failed.any()):
-            self._bury(failed)
-        self.task.after_step(self.state, action, failed)
 
     def _bury(self, failed: Tensor) -> None:
         """Counts failed simulations and gives them a valid state to wait in for their reset."""

@@ -20,6 +20,7 @@ from tstar_envs.checks import finite_number
 from tstar_envs.environment import BatchedEnvironment
 from tstar_envs.furniture import library
 from tstar_envs.gymnasium_shared import INFO, METADATA, Camera, begin, read_actions, read_options, spaces
+from tstar_envs.settings import TaskSettings
 from tstar_envs.tasks.actions import NUM_ACTIONS
 
 
@@ -60,7 +61,8 @@ class GymnasiumEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         **settings: fields of `tstar_envs.settings.TaskSettings`.
 
     Raises:
-        ValueError: unknown furniture, subtask, setting or render mode; a reward scale or a size that cannot be.
+        ValueError: unknown furniture, subtask or render mode; a setting, reward scale or size that cannot be.
+        TypeError: a keyword that is no setting.
     """
 
     metadata = METADATA
@@ -69,7 +71,8 @@ class GymnasiumEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         self, task: str, subtask: int | None = None, reward_scale: float = 1.0, render_mode: str | None = None,
         width: int = 640, height: int = 480, **settings: Any,
     ):  # fmt: skip
-        self.world = BatchedEnvironment(task, 1, subtask, nthread=1, settings=settings)
+        chosen = TaskSettings.from_keywords(type(self).__name__, settings)
+        self.world = BatchedEnvironment(task, 1, subtask, nthread=1, settings=chosen)
         self.observation_space, self.action_space = spaces(self.world)
         self.reward_scale, self.render_mode = finite_number("reward_scale", reward_scale), render_mode
         self._camera = Camera(self.world, render_mode, width, height)

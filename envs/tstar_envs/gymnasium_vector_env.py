@@ -19,6 +19,7 @@ from torch import Tensor
 from tstar_envs.checks import finite_number
 from tstar_envs.environment import BatchedEnvironment
 from tstar_envs.gymnasium_shared import INFO, METADATA, Camera, begin, read_actions, read_options, spaces
+from tstar_envs.settings import TaskSettings
 from tstar_envs.tasks.actions import NUM_ACTIONS
 
 
@@ -50,7 +51,8 @@ class GymnasiumVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         **settings: fields of `tstar_envs.settings.TaskSettings`.
 
     Raises:
-        ValueError: unknown furniture, subtask, setting, autoreset or render mode; a number that cannot be.
+        ValueError: unknown furniture, subtask, autoreset or render mode; a setting or number that cannot be.
+        TypeError: a keyword that is no setting.
     """
 
     metadata: dict[str, Any] = {**METADATA, "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
@@ -61,7 +63,8 @@ class GymnasiumVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         width: int = 640, height: int = 480, **settings: Any,
     ):  # fmt: skip
         self.metadata = {**self.metadata, "autoreset_mode": AutoresetMode(autoreset_mode)}
-        self.world = BatchedEnvironment(task, num_envs, subtask, nthread, settings=settings)
+        chosen = TaskSettings.from_keywords(type(self).__name__, settings)
+        self.world = BatchedEnvironment(task, num_envs, subtask, nthread, settings=chosen)
         self.num_envs, self.render_mode = num_envs, render_mode
         self.reward_scale = finite_number("reward_scale", reward_scale)
         self.single_observation_space, self.single_action_space = spaces(self.world)

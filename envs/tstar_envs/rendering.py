@@ -70,7 +70,7 @@ class Renderer:
             valid = ", ".join(repr(model.camera(i).name) for i in range(model.ncam)) or "none"
             raise ValueError(f"no camera is called {camera!r}; valid: {valid}")
         self.model, self.camera, self._data = model, camera, mujoco.MjData(model)
-        _choose(graphics)
+        choose(graphics)
         self._renderer = mujoco.Renderer(model, height, width)
         # MuJoCo centres the floor on the camera of the frame before: without one the first image would differ.
         self._renderer.update_scene(self._data, camera)
@@ -105,7 +105,7 @@ def make_renderer(
     return None if graphics is None else Renderer(model, graphics, height, width, camera)
 
 
-def _choose(graphics: str) -> None:
+def choose(graphics: str) -> None:
     """Makes MuJoCo take `graphics`: it reads MUJOCO_GL when it is imported, which may have been long ago."""
     if os.environ.get("MUJOCO_GL") != graphics:
         os.environ["MUJOCO_GL"] = os.environ["PYOPENGL_PLATFORM"] = graphics

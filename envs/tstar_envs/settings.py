@@ -75,13 +75,33 @@ class TaskSettings:
     @classmethod
     def from_mapping(cls, values: Mapping[str, Any]) -> TaskSettings:
         """Builds settings from plain values; an unknown name raises with the nearest valid one."""
-        valid = [field.name for field in dataclasses.fields(cls)]
         for name in values:
-            if name not in valid:
-                near = difflib.get_close_matches(name, valid, n=1)
-                hint = f" (did you mean {near[0]!r}?)" if near else ""
-                raise ValueError(f"unknown task setting {name!r}{hint}; valid settings: {', '.join(valid)}")
+            if told := cls._unknown(name):
+                raise ValueError(f"unknown task setting {told}")
         return cls(**values)
+
+    @classmethod
+    def from_keywords(cls, function: str, values: Mapping[str, Any]) -> TaskSettings:
+        """Builds settings from the keywords that `function` was called with.
+
+        Raises:
+            TypeError: a keyword is no setting, as everywhere in Python.
+            ValueError: a value is not a setting's.
+        """
+        for name in values:
+            if told := cls._unknown(name):
+                raise TypeError(f"{function}() got an unexpected keyword argument {told}")
+        return cls(**values)
+
+    @classmethod
+    def _unknown(cls, name: str) -> str:
+        """What to say of a name that is no setting; nothing of one that is."""
+        valid = [field.name for field in dataclasses.fields(cls)]
+        if name in valid:
+            return ""
+        near = difflib.get_close_matches(name, valid, n=1)
+        hint = f" (did you mean {near[0]!r}?)" if near else ""
+        return f"{name!r}{hint}; valid settings: {', '.join(valid)}"
 
 
 _TYPES = {bool: bool, int: numbers.Integral, float: numbers.Real, str: str}

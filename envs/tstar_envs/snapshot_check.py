@@ -36,7 +36,7 @@ class SnapshotCheck:
     def __init__(self, name: str, model: mujoco.MjModel, tables: RecipeTables, state: TensorDictBase):
         self.name, self.tables = name, tables
         self.num_sims, device = state.batch_size[0], tables.initial_pose.device
-        self._compiled = torch.as_tensor(model.eq_data, dtype=torch.float64).to(device)
+        self._compiled = torch.tensor(model.eq_data, dtype=torch.float64, device=device)
         self._active = row_slice(model, mujoco.mjtState.mjSTATE_EQ_ACTIVE)
         self._shapes: dict[Any, tuple[int, ...]] = {
             "physics": (self.num_sims, row_size(model)),

@@ -91,7 +91,9 @@ class FurnitureEnv(EnvBase):
         **settings: `tstar_envs.settings.TaskSettings` by name.
 
     Raises:
-        ValueError: unknown furniture, subtask, device, simulator or setting; an action of another shape or with NaN.
+        ValueError: unknown furniture, subtask, device or simulator, a setting that cannot be; an action of another
+            shape or with NaN.
+        TypeError: a keyword that is no setting.
         ImportError: the simulator needs the extra `gpu`.
     """
 
@@ -102,7 +104,8 @@ class FurnitureEnv(EnvBase):
         device: str | torch.device = "cpu", seed: int | None = None, snapshots: bool = False,
         physics: str | None = None, **settings: Any,
     ):  # fmt: skip
-        world = BatchedEnvironment(task, num_envs, subtask, nthread, seed, settings, device, physics)
+        chosen = TaskSettings.from_keywords(type(self).__name__, settings)
+        world = BatchedEnvironment(task, num_envs, subtask, nthread, seed, chosen, device, physics)
         super().__init__(device=world.physics.device, batch_size=torch.Size([num_envs]))
         self.world = world
         self.snapshots = snapshots

@@ -12,7 +12,7 @@ import torch
 from mujoco import batch as mj_batch
 from torch import Tensor
 
-from tstar_envs.physics.state_row import side_by_side
+from tstar_envs.physics.state_row import row_slice, side_by_side
 
 _CURRENT = mujoco.mjtStage.mjSTAGE_VEL.value
 """Stage computed after every call: positions, velocities and their sensors (not accelerations)."""
@@ -39,6 +39,9 @@ class CpuPhysics:
         self._state = torch.from_numpy(self.batch.state)
         self._sensors = _shared(self.batch.bind("sensordata"))
         self._warnings = self.batch.warning.copy()
+        first = row_slice(model, mujoco.mjtState.mjSTATE_QPOS).start
+        last = row_slice(model, mujoco.mjtState.mjSTATE_QVEL).stop
+        self._moving = self.batch.state[:, first:last]  # positions and velocities
         self.batch.forward(stage=_CURRENT)
 
     def body_pose(self, name: str) -> Tensor:
@@ -96,15 +99,18 @@ class CpuPhysics:
         pass  # the tensors are the simulations: they go together
 
     def _advance(self, ids: np.ndarray | None, substeps: int) -> Tensor:
-        raised = np.zeros(self.num_sims, dtype=bool)
+        failed = np.zeros(self.num_sims, dtype=bool)
         try:
             self.batch.step(ids=ids, nstep=substeps, stage=_CURRENT)
         except mj_batch.SimulationError as error:
-            raised[error.ids] = True
-        warned = (self.batch.warning != self._warnings).reshape(self.num_sims, -1).any(axis=1)
-        self._warnings = self.batch.warning.copy()
-        broken = ~np.isfinite(self.batch.qpos).all(axis=1) | ~np.isfinite(self.batch.qvel).all(axis=1)
-        return torch.from_numpy(raised | warned | broken)
+            failed[error.ids] = True
+        warnings_now = self.batch.warning
+        if (warnings_now != self._warnings).any():
+            failed |= (warnings_now != self._warnings).reshape(self.num_sims, -1).any(axis=1)
+            self._warnings = warnings_now.copy()
+        if not np.isfinite(self._moving).all():
+            failed |= ~np.isfinite(self._moving).all(axis=1)
+        return torch.from_numpy(failed)
 
 
 def _shared(array: np.ndarray) -> Tensor:

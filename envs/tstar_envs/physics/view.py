@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
+import mujoco
 import torch
 from torch import Tensor
 
@@ -16,6 +17,7 @@ class PhysicsView(Protocol):
     All tensors are float64 on `device`. Lengths in m, angles in rad, world frame, quaternions (w, x, y, z).
     """
 
+    model: mujoco.MjModel
     num_sims: int
     device: torch.device
     steps_together: bool  # advancing some simulations costs as much as advancing all of them

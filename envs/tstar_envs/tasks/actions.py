@@ -1,6 +1,45 @@
 """What the entries of an action are: joint velocities, the gripper, and whether to connect; each in [-1, 1]."""
 
+from __future__ import annotations
+
+import math
+
+import torch
+from torch import Tensor
+
 from tstar_envs.robots import sawyer
 
 NUM_ACTIONS = sawyer.NUM_JOINTS + 2
 GRIPPER, CONNECT = sawyer.NUM_JOINTS, sawyer.NUM_JOINTS + 1
+
+
+def read_actions(name: str, action: Tensor, num_sims: int) -> Tensor:
+    """Actions (N, 9) of the task `name` in [-1, 1], float64.
+
+    Raises:
+        ValueError: they have another shape, or one is NaN.
+    """
+    if action.shape != (num_sims, NUM_ACTIONS):
+        raise ValueError(
+            f"an action of {name} has shape ({num_sims}, {NUM_ACTIONS}): 7 joint velocities, gripper, "
+            f"connect for each simulation; got {tuple(action.shape)}"
+        )
+    action = action.to(torch.float64).clamp(-1.0, 1.0)
+    if math.isnan(float(action.sum())):  # they are clipped, so no sum of numbers is
+        bad = action.isnan().any(dim=-1)
+        raise ValueError(f"an action of {name} is NaN in simulations {bad.nonzero().flatten().tolist()[:8]}")
+    return action
+
+
+def read_mask(name: str, running: Tensor, num_sims: int) -> Tensor:
+    """Which simulations of the task `name` run, (N,) bool.
+
+    Raises:
+        ValueError: it is of another shape or type.
+    """
+    if running.shape != (num_sims,) or running.dtype != torch.bool:
+        raise ValueError(
+            f"which simulations of {name} run is a mask of shape ({num_sims},), torch.bool; "
+            f"got {tuple(running.shape)}, {running.dtype}"
+        )
+    return running

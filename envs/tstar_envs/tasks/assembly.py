@@ -148,7 +148,12 @@ class Assembly(BatchedTask):
         suspects = asks & held.any(-1)
         if not bool(suspects.any()):
             return suspects
-        return suspects & self._wrong.made(self.part_poses, held, self.tables.step_index(state["subtask"]))
+        step = self.tables.step_index(state["subtask"])
+        if self.physics.steps_together:  # on a GPU, where no shape should depend on data
+            return suspects & self._wrong.made(self.part_poses, held, step)
+        rows, wrong = suspects.nonzero().squeeze(-1), torch.zeros_like(suspects)
+        wrong[rows] = self._wrong.made(self.part_poses[rows], held[rows], step[rows])
+        return wrong
 
     def _connect(self, state: TensorDict, mask: Tensor) -> None:
         """Welds the parts where they met, sends the arm home, and begins the next subtask."""

@@ -163,7 +163,7 @@ class _Turn:
         sums = torch.addcmul(
             products.index_select(0, self._first), products.index_select(0, self._second), self._sign
         )
-        return torch.addcmul(self._one, sums, self._scale).unflatten(0, (3, 3))
+        return torch.addcmul(self._one, sums, self._scale).view(3, 3, *quats.shape[1:])
 
 
 class _AtSteps(NamedTuple):

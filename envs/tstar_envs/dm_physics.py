@@ -1,0 +1,73 @@
+"""dm_control's `Physics` over one simulation of an assembly task."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+from typing import Any
+
+import numpy as np
+import torch
+
+from tstar_envs import rendering
+from tstar_envs.physics.single import SinglePhysics
+
+
+def _no_screen() -> bool:
+    """Whether nobody has said how to draw, and there is no screen to draw on."""
+    asked = os.environ.get("MUJOCO_GL") or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    return sys.platform == "linux" and not asked
+
+
+_OFF = _no_screen()
+if _OFF:
+    os.environ["MUJOCO_GL"] = "off"  # while dm_control is imported: it would try a window first, and complain
+try:
+    from dm_control import _render
+    from dm_control.mujoco import Physics
+finally:
+    if _OFF:
+        del os.environ["MUJOCO_GL"]
+
+
+class AssemblyPhysics(Physics):
+    """dm_control's physics, stepped as every simulator here; `data` is the simulation.
+
+    What MuJoCo gives up on raises nothing: it is in `failed` and ends the episode, as in every front. Without a screen
+    `render` takes EGL or OSMesa, whichever works, unless `MUJOCO_GL` decides it.
+    """
+
+    view: SinglePhysics
+    """The simulation as tensors, for the task."""
+    failed: torch.Tensor
+    """(1,) bool: whether MuJoCo gave up on the simulation in the last step."""
+
+    def step(self, nstep: int = 1) -> None:
+        """Takes `nstep` physics steps under the controls in `view.ctrl`."""
+        self.failed = self.view.step(nstep)
+
+    def set_control(self, control: Any) -> None:
+        """Sets the controls (9,): seven joint velocities, rad/s, and two finger positions, m."""
+        self.view.ctrl[0] = torch.from_numpy(np.array(control, dtype=np.float64))
+
+    def reset(self, keyframe_id: int | None = None) -> None:
+        """Puts the simulation back to the model's default state, all welds undone."""
+        self.view.clear(torch.ones(1, dtype=torch.bool))
+        self.view.forward()
+
+    def after_reset(self) -> None:
+        """Nothing: the task leaves positions, velocities and their sensors current."""
+
+    def _reload_from_data(self, data: Any) -> None:
+        self.view = SinglePhysics(data.model.ptr, data.ptr)
+        self.failed = torch.zeros(1, dtype=torch.bool)
+        super()._reload_from_data(data)
+        self.view.forward()
+
+    def _make_rendering_contexts(self) -> None:
+        graphics = rendering.backend() if _no_screen() else None
+        if graphics is not None:
+            rendering.choose(graphics)
+            importlib.reload(_render)
+        super()._make_rendering_contexts()
