@@ -9,11 +9,12 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 DOCS_READY := $(VENV)/.docs-ready
 
-.PHONY: help setup assemble assemble-quick test test-all lint type format bench docs clean
+.PHONY: help setup assemble assemble-quick test test-all lint type format bench docs watch clean
 
 help:
 	@echo "make assemble        demonstrations, four skills, T-STAR, evaluation, video, curves (SEED=0)"
 	@echo "make assemble-quick  the same path made small"
+	@echo "make watch           an assembly to play in a browser: runs/watch.html"
 	@echo "make test | test-all | lint | type | format | bench"
 	@echo "make docs            this documentation as a site, in site/index.html"
 
@@ -30,6 +31,9 @@ assemble: $(READY)
 
 assemble-quick: $(READY)
 	$(BIN)/python recipes/assemble.py scale=quick seed=$(SEED) $(ARGS)
+
+watch: $(READY)
+	$(BIN)/python recipes/watch.py $(ARGS)
 
 test: $(READY)
 	$(BIN)/python -m pytest -m "not slow" $(ARGS)

@@ -27,7 +27,7 @@ SMALL = [
     "chain.rounds=1",
     "chain.trial_episodes=64",
     "chain.seed_episodes=64",
-    "chain.ppo.critic_warmup=0",
+    "++chain.ppo.critic_warmup=0",
     "ppo.rate_warmup=0",
     "ppo.learning_rate=1.0e-3",
     "ppo.minibatch=128",
@@ -49,6 +49,8 @@ class PointChain(EnvBase):
     """
 
     num_subtasks = SUBTASKS
+    pace = 1.0
+    """Of both actions. At 1 an episode takes three steps; at 0.05 it takes as many as an episode of the furniture."""
 
     def __init__(
         self, task: str, num_envs: int = 1, subtask: int | None = None, seed: int = 0,
@@ -135,8 +137,8 @@ class PointChain(EnvBase):
         action = tensordict["action"].clamp(-1, 1).double()
         running = tensordict.get("_step", None)
         running = torch.ones_like(self.now) if running is None else running.reshape(-1).long()
-        self.physics[:, 0] += running * 0.5 * action[:, 0]
-        self.physics[:, 1] += running * 0.3 * action[:, 1]
+        self.physics[:, 0] += running * 0.5 * self.pace * action[:, 0]
+        self.physics[:, 1] += running * 0.3 * self.pace * action[:, 1]
         self.steps += running
         arrived = self.physics[:, 0] > self.now + 1
         made = arrived & ((self.physics[:, 1] > 0) | (self.now == 0))

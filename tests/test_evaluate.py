@@ -157,3 +157,4 @@ def test_rows_films_and_config_lie_beside_each_other(tmp_path):
     assert config["env"]["max_steps"] == 5 and config["versions"]["torch"] == torch.__version__
     films = {path.name for path in folder.glob("*.mp4")}
     assert films <= {"first_failure.mp4"}  # where this machine can draw
+    assert "first failure" in (folder / "episodes.html").read_text() and len(list(folder.glob("*.html"))) == 1

@@ -83,6 +83,11 @@ class Film:
         self.films[path.name] = positions
         return True
 
+    def write_player(self, path, episodes):
+        path.write_bytes(b"new")
+        self.films[path.name] = episodes
+        return path
+
 
 def record(folder, number, won):
     """Simulation i is at i + t / 10 after step t and ends its episode, as `won` says, after min(i, 2) more."""
@@ -92,16 +97,27 @@ def record(folder, number, won):
     for step in range(3):
         done = index.clamp(max=2) == step
         success = done & torch.tensor(won).unsqueeze(-1)
-        snapshot = TensorDict({"qpos": (index + step / 10).double()}, [count])
-        recorder(TensorDict({"next": {"snapshot": snapshot, "success": success, "done": done}}, [count]))
+        rest = {"subtask": torch.zeros_like(index), "phase": index, "reward_env": 10.0 * index + step}
+        rows = {"success": success, "done": done, **rest}
+        before, after = (
+            TensorDict({"qpos": (index + at).double()}, [count]) for at in (step / 10 - 0.1, step / 10)
+        )
+        recorder(TensorDict({"snapshot": before, **rest, "next": {"snapshot": after, **rows}}, [count]))
     return env.films, [path.name for path in recorder.write(folder)]
 
 
 def test_the_first_success_and_the_first_failure_of_all_episodes_are_filmed(tmp_path):
     films, written = record(tmp_path, None, [True, True, True, False, False])
-    assert written == ["first_success.mp4", "first_failure.mp4"]
+    assert written == ["first_failure.mp4", "first_success.mp4", "episodes.html"]
     torch.testing.assert_close(films["first_success.mp4"], torch.tensor([[0.0]]))
     torch.testing.assert_close(films["first_failure.mp4"], torch.tensor([[3.0], [3.1], [3.2]]))
+    failure, success = films["episodes.html"]
+    assert (failure["title"], failure["success"]) == ("first failure", False)
+    assert (success["title"], success["success"]) == ("first success", True)
+    assert failure["positions"][:, 0].tolist() == pytest.approx(
+        [2.9, 3.0, 3.1, 3.2]
+    )  # the state before the first step too
+    assert failure["reward"].tolist() == [30.0, 31.0, 32.0] and failure["phase"].tolist() == [3] * 4
 
 
 def test_films_of_an_earlier_evaluation_do_not_stay(tmp_path):
@@ -109,8 +125,8 @@ def test_films_of_an_earlier_evaluation_do_not_stay(tmp_path):
         (tmp_path / name).write_bytes(b"old")
     assert record(tmp_path, 0, [True, False]) == ({}, [])
     assert (tmp_path / "first_failure.mp4").read_bytes() == b"old"  # nothing was to be filmed
-    assert record(tmp_path, 3, [True, True, True, False])[1] == ["first_success.mp4"]
-    assert [path.read_bytes() for path in tmp_path.iterdir()] == [b"new"]
+    assert record(tmp_path, 3, [True, True, True, False])[1] == ["first_success.mp4", "episodes.html"]
+    assert [path.read_bytes() for path in tmp_path.iterdir()] == [b"new", b"new"]
     with pytest.raises(ValueError, match="number must not be negative, got -1"):
         Recorder(Film(), -1)
 

@@ -15,6 +15,7 @@ LAYERS = (
     ("checks", "geometry", "furniture", "settings"),
     ("robots",),
     ("scene", "rendering"),
+    ("look", "player"),
     ("physics",),
     ("connection",),
     ("tasks",),

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Mapping
 from typing import Any
 
+import mujoco
 import torch
 from tensordict import TensorDict
 from torch import Tensor
@@ -13,6 +15,7 @@ from torch import Tensor
 from tstar_envs.checks import whole_number
 from tstar_envs.experts.assembler import Assembler
 from tstar_envs.furniture import library
+from tstar_envs.look import build_drawn_model
 from tstar_envs.physics.masks import write
 from tstar_envs.physics.simulators import make_physics
 from tstar_envs.scene import SUBSTEPS, build_model
@@ -75,6 +78,11 @@ class BatchedEnvironment:
     @property
     def num_subtasks(self) -> int:
         return len(self.furniture.steps)
+
+    @functools.cached_property
+    def drawn_model(self) -> mujoco.MjModel:
+        """The scene to draw: the same joints as `model`, and more to see. See `tstar_envs.look`."""
+        return build_drawn_model(self.furniture)
 
     @property
     def max_steps(self) -> int:

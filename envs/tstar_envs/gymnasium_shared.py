@@ -43,7 +43,7 @@ class Camera:
             )
             return None
         if self._renderer is None:
-            self._renderer = rendering.make_renderer(self.world.model, self.height, self.width)
+            self._renderer = rendering.make_renderer(self.world.drawn_model, self.height, self.width)
         if self._renderer is None:
             return None
         return tuple(self._renderer.draw(row) for row in self.world.physics.qpos)

@@ -12,17 +12,10 @@ from tstar_rl.analysis.experiments import (
     product_of_skills,
     read_experiment,
 )
-from tstar_rl.analysis.figures import (
-    ablation_curves,
-    ablation_figure,
-    arms_figure,
-    differences_figure,
-    hand_over_matrix,
-    learning_curves,
-    save_figure,
-    seed_curves,
-    terminal_state_plane,
-)
+from tstar_rl.analysis.figures.arms import ablation_figure, arms_figure, differences_figure
+from tstar_rl.analysis.figures.curves import ablation_curves, learning_curves, seed_curves
+from tstar_rl.analysis.figures.panels import save_figure
+from tstar_rl.analysis.figures.states import hand_over_matrix, terminal_state_plane
 from tstar_rl.analysis.statistics import (
     improvement_interval,
     interquartile_interval,

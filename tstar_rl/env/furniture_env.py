@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ from torch import Tensor
 from torchrl.data import Binary, Bounded, Categorical, Composite, Unbounded
 from torchrl.envs import EnvBase
 
-from tstar_envs import geometry, rendering
+from tstar_envs import geometry, player, rendering
 from tstar_envs.environment import BatchedEnvironment
 from tstar_envs.furniture import library
 from tstar_envs.settings import TaskSettings
@@ -161,12 +161,29 @@ class FurnitureEnv(EnvBase):
 
     def write_mp4(self, path: str | Path, positions: Tensor) -> bool:
         """Films joint positions (T, nq); False, after one warning, where nothing can draw."""
-        renderer = rendering.make_renderer(self.world.model)
+        renderer = rendering.make_renderer(self.world.drawn_model)
         if renderer is None:
             return False
         rendering.write_mp4(path, (renderer.draw(row) for row in positions.cpu()))
         renderer.close()
         return True
+
+    def write_player(
+        self, path: str | Path, episodes: Sequence[Mapping[str, Any]], title: str | None = None
+    ) -> Path:
+        """Writes one HTML file that plays episodes in a browser; returns its path.
+
+        Args:
+            path: of the file.
+            episodes: each the arguments of `tstar_envs.player.Episode` by name; see `watching.EpisodeLog.episode`.
+            title: of the page, by default the task's name.
+        """
+        steps = self.world.furniture.steps
+        subtasks = [f"{step.moving_part} to {step.target_part}" for step in steps]
+        recorded = [player.Episode(**episode) for episode in episodes]
+        return player.write_player(
+            path, self.world.drawn_model, recorded, subtasks, PHASES, title or self.task_name
+        )
 
     def expert(self, noise: float = 0.0, generator: torch.Generator | None = None) -> Callable:
         """The scripted assembly policy as a map of TensorDicts.

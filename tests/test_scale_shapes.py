@@ -1,0 +1,56 @@
+"""Scales for a GPU at their own shapes, on few simulations of a point that takes as long as the furniture does."""
+
+import pytest
+import yaml
+from point_chain import PointChain
+
+from tstar_rl.chaining.turns import Turn
+from tstar_rl.config.load import CONFIGS
+
+SIMULATIONS = 8
+
+
+def shape(scale: str) -> tuple[int, int]:
+    """Steps of a rollout, and rollouts of a turn, at a scale."""
+    values = yaml.safe_load((CONFIGS / f"scale/{scale}.yaml").read_text())
+    training = values["training"]
+    frames = training["num_envs"] * training["horizon"]
+    return training["horizon"], values["chain"]["steps_per_turn"] // frames
+
+
+@pytest.mark.parametrize("scale", ["gpu", "paper_gpu"])
+@pytest.mark.parametrize("carry_over", [True, False])
+def test_successes_reach_the_sets(scale, carry_over, point_chain, monkeypatch):
+    """An episode is longer than a rollout. It ends within what a skill collects over its turns, as these go on."""
+    monkeypatch.setattr(PointChain, "pace", 0.05)
+    horizon, rollouts = shape(scale)
+    added, lengths = {}, []
+    log = Turn.log
+
+    def note(turn, rollout, row):
+        assert rollout.shape == (SIMULATIONS, horizon)
+        lengths.extend(rollout["next", "step_count"][rollout["next", "success"]].tolist())
+        added[turn.index] = turn.skill.termination_set.added, turn.skill.initiation_set.added
+        log(turn, rollout, row)
+
+    monkeypatch.setattr(Turn, "log", note)
+    point_chain(
+        "tstar",
+        f"scale={scale}",
+        "device=cpu",
+        f"training.num_envs={SIMULATIONS}",
+        f"training.horizon={horizon}",
+        f"chain.steps_per_turn={SIMULATIONS * horizon * rollouts}",
+        "training.max_steps=150",
+        "chain.rounds=3",
+        "chain.links=2",
+        "chain.seed_episodes=0",
+        "chain.gate=false",
+        "chain.trial_every=100",
+        f"chain.carry_over={str(carry_over).lower()}",
+    )
+    if carry_over or scale == "gpu":
+        assert min(lengths) > horizon, "the stand-in is too fast to show anything"
+        assert all(ends > 0 and starts > 0 for ends, starts in added.values())
+    else:  # a turn of one rollout from a fresh reset: no episode can end in it
+        assert not lengths and set(added.values()) == {(0, 0)}
