@@ -2,8 +2,8 @@
 
     python recipes/assemble.py scale=laptop seed=0        # or scale=quick; or several: seeds=[0,1,2]
 
-What is given on the command line is passed on to every step. A step that is done is not done again; one that was
-killed goes on from its last checkpoint. With launch=ray the steps run wherever a cluster has room.
+What is given on the command line is passed on to every step. A step that is done is not run again; one that was killed
+goes on from its last checkpoint. With launch=ray the steps run wherever a cluster has room.
 """
 
 import time
@@ -14,6 +14,7 @@ from omegaconf import DictConfig
 from tstar_rl.config.load import recipe
 from tstar_rl.launch.backends import launcher
 from tstar_rl.launch.side_by_side import Step, mean_bonus, run_side_by_side
+from tstar_rl.launch.steps import missing
 from tstar_rl.runs.run_folder import run_path
 
 OWN = ("processes", "seeds")  # values that only this recipe knows
@@ -31,7 +32,7 @@ def main(config: DictConfig) -> None:
     run = launcher(config)
 
     def at_once(lanes: list[list[Step]]) -> None:
-        run_side_by_side(lanes, shared, config.processes, run)
+        run_side_by_side([missing(lane, shared) for lane in lanes], shared, config.processes, run)
 
     at_once(
         [
