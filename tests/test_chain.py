@@ -5,6 +5,7 @@ import torch
 from tensordict import TensorDict
 
 from tstar_rl.chaining.chain import load_chain
+from tstar_rl.chaining.skill import Skill
 from tstar_rl.chaining.turns import Turn
 
 NUM_SKILLS = 4
@@ -83,3 +84,15 @@ def test_episodes_begin_where_the_skill_before_ended(recipe, point_chain, monkey
         assert starts.min() > -0.6 and starts.max() < 1.0
         chained = float((starts > 0.2).float().mean())
         assert chained == 0 if index == 0 else 0.2 < chained < 0.9, (index, chained)
+
+
+def test_a_floor_raised_after_the_fact_changes_the_inputs_alone(point_chain, tmp_path):
+    table = point_chain("floored", "scale=laptop", "floor=0.7")
+    assert (table.raised_inputs > 0).all() and table.skill.tolist() == list(range(NUM_SKILLS))
+    for index, skill in enumerate(load_chain(tmp_path / "runs/table_lack/floored/seed0/last")):
+        first = Skill.load(tmp_path / f"runs/table_lack/gail_ppo/seed0/subtask{index}/last")
+        assert bool((skill.normalizer.scale >= 0.7 - 1e-6).all()) and bool(
+            (first.normalizer.scale < 0.7).any()
+        )
+        for name, value in first.policy.named_parameters():
+            assert torch.equal(value, dict(skill.policy.named_parameters())[name])

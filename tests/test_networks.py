@@ -20,6 +20,17 @@ def test_normalizer_fits_floors_and_clips():
     assert_close(out, torch.tensor([[1.0, 0.5], [0.0, 10.0]]), atol=1e-4, rtol=0)
 
 
+def test_a_floor_can_be_raised_after_the_fact():
+    normalizer = Normalizer(2)
+    normalizer.fit(torch.tensor([[0.0, -1.0], [0.002, 1.0]]), floor=0.005)  # deviations .001 and 1
+    torch.testing.assert_close(normalizer.scale, torch.tensor([0.005, 1.0]))
+    assert normalizer.raise_to(0.02) == 1
+    torch.testing.assert_close(normalizer.scale, torch.tensor([0.02, 1.0]))
+    assert normalizer.raise_to(0.01) == 0 and float(normalizer.scale[0]) == pytest.approx(0.02)
+    with pytest.raises(ValueError, match="a floor must be positive, got 0"):
+        normalizer.raise_to(0.0)
+
+
 def test_running_statistics_equal_those_of_all_rows():
     rows = torch.randn(60, 3, generator=torch.Generator().manual_seed(1)) * 3 + 1
     running, whole = Normalizer(3), Normalizer(3)
