@@ -85,12 +85,12 @@ def test_snapping_brings_the_group_along():
 
 def test_fingers_on_a_welded_part_touch_the_group():
     world = until_held(make(2))
-    touches = torch.zeros(2, 2, 5, dtype=torch.bool)
-    touches[0, :, RIGHT], touches[1, :, SEAT] = True, True
-    world.task.touches = lambda: touches
+    touches = torch.zeros(2, 5, 2)  # contacts of finger and part
+    touches[0, RIGHT], touches[1, SEAT] = 1.0, 1.0
+    world.task._reader._contacts = touches
     assert world.task.scene(world.state).touching.all()
-    touches[1] = False
-    touches[1, :, BACK] = True
+    touches[1] = 0.0
+    touches[1, BACK] = 1.0
     assert not world.task.scene(world.state).touching.any()
 
 

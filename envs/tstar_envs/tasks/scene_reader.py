@@ -27,7 +27,7 @@ class Scene(NamedTuple):
 
     vectors: Tensor  # (3, V, N), named in `measures.VECTORS`
     measures: Tensor  # (M, N), named in `measures.MEASURES`
-    touches: Tensor  # (N, 2, parts) bool, which finger touches which part
+    touches: Tensor  # (2, parts, N) bool, which finger touches which part
     touching: Tensor  # (N,) bool, both fingers on the moving part or on what is welded to it
     aligned: Tensor  # (N,) bool, `alignment.aligned`
     raised: Tensor  # (N,) bool, the moving part is a centimetre above where it lay when the subtask began
@@ -107,7 +107,7 @@ class SceneReader:
         self._least, self._most = bounds.t().unsqueeze(-1)
         self._poses = [physics.qpos[:, _ROBOT_QPOS:], physics.sensor("tip_pos"), physics.sensor("hand_quat")]
         fingers = [f"{finger}_touches_{part}" for finger in sawyer.FINGERS for part in part_names]
-        self._contacts = physics.sensors(fingers).unflatten(-1, (len(sawyer.FINGERS), tables.num_parts))
+        self._contacts = physics.sensors(fingers).t().unflatten(0, (len(sawyer.FINGERS), tables.num_parts))
         self._at: _AtSteps | None = None
 
     def read(self, state: TensorDict) -> Scene:
@@ -115,7 +115,7 @@ class SceneReader:
         at = self._look_up(state["subtask"])
         vectors = self._vectors(state, at)
         touches = self._contacts > 0
-        touching = (touches & at.group).any(-1).all(-1)
+        touching = (touches & at.group).any(1).all(0)
         measures = self._measure(vectors, at.turns)
         lies = measures[_ALIGNMENT]
         aligned = ((lies > self._least) & (lies < self._most)).all(0)
@@ -176,7 +176,7 @@ class _AtSteps(NamedTuple):
     columns: Tensor  # (3, 2, rows, N): points and axes in the frames of the moving and the target part
     is_point: Tensor  # (2, rows, 1)
     turns: Tensor  # (2, R, N), see `Measures`
-    group: Tensor  # (N, 1, parts) bool, parts that move along
+    group: Tensor  # (parts, N) bool, parts that move along
     grip_direction: Tensor  # (3, 1, N)
     lying: Tensor  # (N,), m, how far over the lift point a part is that is just raised: less than 0
 
@@ -196,7 +196,7 @@ def _at_steps(tables: RecipeTables, subtask: Tensor) -> _AtSteps:
     return _AtSteps(
         subtask, places, _columns(tables)[..., step], _is_point(step.device),
         turns[:, step].transpose(1, 2).contiguous(),
-        tables.group[step].unsqueeze(1), tables.grip_direction[step].t().unsqueeze(1).contiguous(),
+        tables.group[step].t().contiguous(), tables.grip_direction[step].t().unsqueeze(1).contiguous(),
         OFF_GROUND - tables.waypoint[step, 2],
     )  # fmt: skip
 
