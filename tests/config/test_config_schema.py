@@ -11,7 +11,7 @@ from tstar_rl.config.check import ConfigError
 from tstar_rl.config.load import CONFIGS, check_config, recipe, settings
 from tstar_rl.updates import PPOSettings
 
-RECIPES = Path(__file__).resolve().parent.parent / "recipes"
+RECIPES = Path(__file__).resolve().parents[2] / "recipes"
 SCALES = [path.stem for path in (CONFIGS / "scale").glob("*.yaml")]
 SPIRL_SCALES = [path.stem for path in (CONFIGS / "spirl").glob("*.yaml")]
 
@@ -57,7 +57,7 @@ def test_what_a_user_may_add():
         ("gail_ppo", "+from_checkpoint=best", "the config has no from_checkpoint"),
         ("bench", "+bench.step=1", "bench has no step; it has .*did you mean steps"),
         ("gail_ppo", "~training.horizon", "training lacks horizon, which must be a whole number"),
-        ("tstar", "chain.gate=success", "chain.gate must be skill or chain or null, got 'success'"),
+        ("tstar", "chain.gate=success", "chain.gate must be true or false, got 'success'"),
         ("gail_ppo", "seed=one", "seed must be a whole number, got 'one'"),
         ("gail_ppo", "subtask=all", "subtask must be a whole number or null, got 'all'"),
         ("gail_ppo", "training.num_envs=2.5", "training.num_envs must be a whole number, got 2.5"),

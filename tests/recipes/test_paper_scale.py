@@ -2,19 +2,16 @@
 
 import json
 import math
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pandas as pd
 import pytest
 import yaml
+from recipe_runs import run
 
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.config.load import CONFIGS
 
-ROOT = Path(__file__).resolve().parent.parent
 STEPS = 16 * 32  # of one rollout, by the paper's 16 simulations
 BUDGET = [
     "demonstrations.episodes=8",
@@ -25,29 +22,25 @@ BUDGET = [
     "chain.rounds=1",
     f"chain.steps_per_turn={STEPS}",
     "chain.trial_episodes=8",
-    "chain.whole_trial_every=4",
-    "chain.whole_trial_episodes=8",
+    "chain.trial_every=4",
 ]
 SMALLER = {"horizon", "total_steps", "checkpoint_every", "episodes", "num_envs"}
 
 
-def run(folder: Path, recipe: str, *values: str) -> None:
-    command = [sys.executable, str(ROOT / "recipes" / f"{recipe}.py"), "scale=paper", "progress_bar=false"]
-    places = [f"{place}_dir={folder / place}" for place in ("results", "runs", "demonstrations")]
-    environ = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "envs")])}
-    command += [*BUDGET, *places, *values]
-    done = subprocess.run(command, env=environ, capture_output=True, text=True, check=False)
+def make(folder: Path, recipe: str, *values: str) -> None:
+    where = [f"{place}_dir={folder / place}" for place in ("results", "runs", "demonstrations")]
+    done = run(recipe, "scale=paper", "progress_bar=false", *BUDGET, *where, *values, small=False)
     assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(1800)  # eight processes: minutes on a machine that does other things
 def test_the_paper_scale_trains_skills_and_a_chain(tmp_path):
-    run(tmp_path, "make_demonstrations", "kinds=[plain]")
+    make(tmp_path, "make_demonstrations", "kinds=[plain]")
     for subtask in range(4):
-        run(tmp_path, "gail_ppo", f"subtask={subtask}")
-    run(tmp_path, "tstar")
-    run(tmp_path, "hand_over", "systems=[tstar]", "evaluation.episodes=4")
+        make(tmp_path, "gail_ppo", f"subtask={subtask}")
+    make(tmp_path, "tstar")
+    make(tmp_path, "hand_over", "systems=[tstar]", "evaluation.episodes=4")
     check_skill(tmp_path)
     check_chain(tmp_path)
 
