@@ -1,4 +1,4 @@
-"""The rows that a GPU adds to the bench, measured on the CPU: which there are, and what they stand in relation to."""
+"""The rows that a GPU adds to the bench, measured on the CPU by a clock that is known."""
 
 from pathlib import Path
 
@@ -19,23 +19,63 @@ SMALL = [
 ]
 
 
-def test_every_size_has_its_rows_and_the_shares_are_of_one_whole(monkeypatch):
-    monkeypatch.syspath_prepend(RECIPES)
-    from bench import Training, warm_started
-    from bench_device import device_rows
+class Clock:
+    """Seconds that pass only in what is told to take them, however often it is called inside something else."""
 
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def takes(self, seconds: float, work):
+        def timed(*arguments, **named):
+            began = self.now
+            given = work(*arguments, **named)
+            self.now = began + seconds
+            return given
+
+        return timed
+
+
+def test_rates_and_shares_of_work_that_takes_known_times(monkeypatch):
+    """A bare control step takes 1/4 s, one of the environment 1/2 s, an iteration of training 2 + 1 + 1/2 + 1/2 s."""
+    monkeypatch.syspath_prepend(RECIPES)
+    import bench_device
+    from bench import Training, warm_started
+
+    clock, make = Clock(), bench_device.environment
+    monkeypatch.setattr(bench_device.time, "perf_counter", lambda: clock.now)
+
+    def environment(*arguments, **named):
+        env = make(*arguments, **named)
+        physics = env.base_env.world.physics
+        monkeypatch.setattr(physics, "step", clock.takes(0.25, physics.step))
+        monkeypatch.setattr(env, "reset", clock.takes(0.0, env.reset))
+        monkeypatch.setattr(env, "step_and_maybe_reset", clock.takes(0.5, env.step_and_maybe_reset))
+        return env
+
+    def prepare(config, env):
+        training = Training(config, skill, expert, env, 0)
+        parts = {"update_f_phi": 1.0, "reward": 0.5, "update_policy": 0.5}
+        for name, seconds in parts.items():
+            monkeypatch.setitem(vars(training), name, clock.takes(seconds, getattr(training, name)))
+        monkeypatch.setattr(training.collection, "rollout", clock.takes(2.0, training.collection.rollout))
+        return training
+
+    monkeypatch.setattr(bench_device, "environment", environment)
     with initialize_config_dir(str(CONFIGS), version_base="1.3"):
         config = compose("recipe/bench", [*SMALL, "scale=gpu", "device=cpu", "nthread=1"])
     skill, expert = warm_started(config, 0)
-    rows = device_rows(config, lambda own, env: Training(own, skill, expert, env, 0))
-    rows = {row["measure"]: row for row in rows}
-    parts = [f"gpu_share_{name}" for name in ("collection", "f_phi", "rewards", "ppo")]
-    assert list(rows) == [f"gpu_{kind}_{n}" for n in (2, 4) for kind in ("bare", "env", "train")] + parts
-    assert sum(rows[part]["value"] for part in parts) == pytest.approx(1.0, abs=0.01)
-    for n in (2, 4):
-        assert rows[f"gpu_bare_{n}"]["ratio_to_bare"] == 1.0
-        ratio = rows[f"gpu_env_{n}"]["value"] / rows[f"gpu_bare_{n}"]["value"]
-        assert rows[f"gpu_env_{n}"]["ratio_to_bare"] == pytest.approx(ratio, abs=0.01)
+    rows = {row["measure"]: row for row in bench_device.device_rows(config, prepare)}
+    # N simulations make N / 0.25, N / 0.5 and, in rollouts of 4 steps, 4 N / 4 steps a second.
+    rates = {"bare": (4.0, 1.0), "env": (2.0, 0.5), "train": (1.0, 0.25)}
+    expected = {f"gpu_{kind}_{n}": (n * rate, of) for n in (2, 4) for kind, (rate, of) in rates.items()}
+    shares = {"collection": 0.5, "f_phi": 0.25, "rewards": 0.125, "ppo": 0.125}
+    measured = {
+        name: (row["value"], row["ratio_to_bare"]) for name, row in rows.items() if "share" not in name
+    }
+    assert measured == expected
+    assert {name: row["value"] for name, row in rows.items() if "share" in name} == {
+        f"gpu_share_{name}": share for name, share in shares.items()
+    }
 
 
 def test_what_was_given_is_measured_and_every_row_is_there_at_once(monkeypatch):
