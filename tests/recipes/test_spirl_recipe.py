@@ -2,7 +2,7 @@
 
 import pandas as pd
 import pytest
-from test_recipes import demonstrations, kill_after, places, run  # noqa: F401  (a fixture)
+from recipe_runs import kill_after, places, run
 
 SMALL = [
     "subtask=0",
@@ -16,7 +16,7 @@ SMALL = [
 
 
 @pytest.mark.slow
-def test_a_killed_run_resumes_to_the_same_figures(demonstrations, tmp_path):  # noqa: F811
+def test_a_killed_run_resumes_to_the_same_figures(demonstrations, tmp_path):
     files = {}
     for name in ("whole", "killed"):
         values = [*SMALL, demonstrations, *places(tmp_path, name)]
@@ -33,7 +33,7 @@ def test_a_killed_run_resumes_to_the_same_figures(demonstrations, tmp_path):  # 
 
 
 @pytest.mark.slow
-def test_what_it_saves_is_evaluated_like_a_skill(demonstrations, tmp_path):  # noqa: F811
+def test_what_it_saves_is_evaluated_like_a_skill(demonstrations, tmp_path):
     values = ["subtask=0", demonstrations, *places(tmp_path, "a")]
     done = run("spirl", *SMALL, *values, "spirl.total_steps=0", "spirl.model.decoder=open_loop")
     assert done.returncode == 0, done.stderr

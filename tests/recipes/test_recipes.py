@@ -1,71 +1,15 @@
-"""Recipes, run as users run them: the same figures however they are run, and clear words when they cannot be."""
+"""Recipes, run as users run them: the same figures however they are run."""
 
-import os
 import shutil
-import signal
-import subprocess
-import sys
-import time
-from pathlib import Path
 
 import pandas as pd
 import pytest
 import torch
+from recipe_runs import kill_after, metrics, places, run
 
 from tstar_rl import FurnitureEnv
 from tstar_rl.chaining.skill import NetworkSettings, Skill
 from tstar_rl.rollouts.collection import Collection, with_starts
-
-ROOT = Path(__file__).resolve().parent.parent
-SMALL = [
-    "scale=quick",
-    "progress_bar=false",
-    "demonstrations.episodes=4",
-    "demonstrations.num_envs=8",
-    "bc.epochs=2",
-    "training.num_envs=8",
-    "training.horizon=16",
-    "training.total_steps=1024",
-    "training.checkpoint_every=256",
-    "ppo.minibatch=64",
-]
-
-
-def command(recipe: str, *values: str) -> list[str]:
-    return [sys.executable, str(ROOT / "recipes" / f"{recipe}.py"), *SMALL, *values]
-
-
-def run(recipe: str, *values: str) -> subprocess.CompletedProcess[str]:
-    path = os.pathsep.join([str(ROOT), str(ROOT / "envs")])
-    environ = {**os.environ, "PYTHONPATH": path, "OMP_NUM_THREADS": "1"}
-    return subprocess.run(command(recipe, *values), env=environ, capture_output=True, text=True, check=False)
-
-
-def places(folder: Path, name: str) -> list[str]:
-    return [f"results_dir={folder / name / 'results'}", f"runs_dir={folder / name / 'runs'}"]
-
-
-def kill_after(rows: int, file: Path, recipe: str, *values: str) -> int:
-    """Starts a recipe and kills it once its table has that many rows; returns how many it then has."""
-    path = os.pathsep.join([str(ROOT), str(ROOT / "envs")])
-    process = subprocess.Popen(command(recipe, *values), env={**os.environ, "PYTHONPATH": path})
-    while process.poll() is None and (not file.is_file() or len(file.read_text().splitlines()) <= rows):
-        time.sleep(0.01)
-    process.send_signal(signal.SIGKILL)
-    process.wait()
-    return len(file.read_text().splitlines()) - 1
-
-
-def metrics(folder: Path, name: str) -> Path:
-    return folder / name / "results" / "table_lack" / "gail_ppo" / "seed0" / "subtask0" / "metrics.csv"
-
-
-@pytest.fixture(scope="module")
-def demonstrations(tmp_path_factory) -> str:
-    place = f"demonstrations_dir={tmp_path_factory.mktemp('demonstrations')}"
-    done = run("make_demonstrations", "subtask=0", "kinds=[noisy]", place)
-    assert done.returncode == 0, done.stderr
-    return place
 
 
 def test_rollouts_go_on_bit_for_bit_from_their_state():
@@ -86,26 +30,6 @@ def test_rollouts_go_on_bit_for_bit_from_their_state():
     resumed = second.rollout()
     for key in ("observation", "action", ("next", "reward_env"), ("next", "done"), "start_observation"):
         assert torch.equal(expected[key], resumed[key]), key
-
-
-def test_an_unknown_config_key_is_named():
-    done = run("gail_ppo", "subtask=0", "ppo.epoch=3")
-    assert done.returncode and "epoch" in done.stderr
-
-
-def test_an_unknown_task_is_named():
-    done = run("gail_ppo", "subtask=0", "task=table_lak")
-    assert done.returncode and "table_lack" in done.stderr
-
-
-def test_missing_demonstrations_are_named(tmp_path):
-    done = run("gail_ppo", "subtask=0", f"demonstrations_dir={tmp_path}", *places(tmp_path, "a"))
-    assert done.returncode and "make_demonstrations" in done.stderr
-
-
-def test_an_evaluation_of_nothing_says_where_it_looked(tmp_path):
-    done = run("evaluate", "system=tstar", *places(tmp_path, "a"))
-    assert done.returncode and "no skill and no chain at" in done.stderr and "tstar/seed0" in done.stderr
 
 
 @pytest.mark.slow
@@ -180,7 +104,6 @@ def test_a_killed_chain_resumes_to_the_same_figures(tmp_path):
     shutil.copytree(tmp_path / "whole" / "runs", tmp_path / "killed" / "runs")
 
     chain = [demonstrations, "chain.rounds=1", "chain.steps_per_turn=512", "chain.trial_episodes=8"]
-    chain += ["chain.gate=chain"]  # what its trials gave is in memory alone
     files, chains = {}, {}
     for name in ("whole", "killed"):
         values = [*chain, *places(tmp_path, name)]

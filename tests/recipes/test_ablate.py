@@ -1,29 +1,24 @@
 """The command that makes an ablation, run as users run it."""
 
-import os
 import subprocess
-import sys
 from pathlib import Path
 
 import pandas as pd
 import pytest
 import yaml
+from recipe_runs import run
 
-ROOT = Path(__file__).resolve().parent.parent
 SMALL = [
     "scale=quick", "progress_bar=false", "demonstrations.episodes=4", "demonstrations.num_envs=8", "bc.epochs=2",
     "training.num_envs=8", "training.horizon=16", "training.total_steps=0", "ppo.minibatch=64",
-    "chain.steps_per_turn=128", "chain.trial_episodes=2", "chain.whole_trial_episodes=2", "chain.trial_max_steps=10",
+    "chain.steps_per_turn=128", "chain.trial_episodes=2", "chain.seed_episodes=4", "chain.trial_max_steps=10",
     "evaluation.episodes=2", "evaluation.whole_episodes=2",
 ]  # fmt: skip
 
 
 def ablate(folder: Path, *values: str) -> subprocess.CompletedProcess[str]:
-    places = [f"{name}_dir={folder / name}" for name in ("results", "runs", "demonstrations")]
-    path = os.pathsep.join([str(ROOT), str(ROOT / "envs")])
-    command = [sys.executable, str(ROOT / "recipes" / "ablate.py"), *SMALL, *places, *values]
-    environ = {**os.environ, "PYTHONPATH": path, "OMP_NUM_THREADS": "1"}
-    return subprocess.run(command, env=environ, capture_output=True, text=True, check=False)
+    where = [f"{name}_dir={folder / name}" for name in ("results", "runs", "demonstrations")]
+    return run("ablate", *SMALL, *where, *values, small=False)
 
 
 @pytest.mark.slow

@@ -102,7 +102,7 @@ def test_the_recipe_writes_what_it_measured(device, tmp_path, monkeypatch):
     values = ["subtask=1", "episodes=3", "compared=2", f"device={device}", f"results_dir={tmp_path}"]
     monkeypatch.setattr(sys, "argv", ["parity.py", *values])
     GlobalHydra.instance().clear()
-    runpy.run_path(str(Path(__file__).parent.parent / "recipes" / "parity.py"), run_name="__main__")
+    runpy.run_path(str(Path(__file__).resolve().parents[3] / "recipes" / "parity.py"), run_name="__main__")
     row = pd.read_csv(tmp_path / "parity.csv").iloc[0]
     assert (row["task"], row["subtask"], row["device"]) == ("table_lack", 1, device)
     assert row["success_mujoco"] == row["success_warp"] == 1 and row["episodes_that_differ"] == 0

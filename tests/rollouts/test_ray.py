@@ -10,7 +10,7 @@ from functools import partial
 import pandas as pd
 import pytest
 import torch
-from test_recipes import SMALL, demonstrations, metrics, places, run  # noqa: F401  (a fixture)
+from recipe_runs import SMALL, metrics, places, run
 
 from tstar_rl import FurnitureEnv
 from tstar_rl.chaining.skill import NetworkSettings, Skill
@@ -165,7 +165,7 @@ def test_a_worker_killed_in_the_middle_is_replaced(collect):
 
 
 @pytest.mark.slow
-def test_a_recipe_whose_worker_is_killed_goes_on_elsewhere(cluster, demonstrations, tmp_path):  # noqa: F811
+def test_a_recipe_whose_worker_is_killed_goes_on_elsewhere(cluster, demonstrations, tmp_path):
     """What `launch=ray` does with a step: the step's process is the worker's, and its checkpoint survives it."""
     values = [*SMALL, demonstrations, *places(tmp_path, "a")]
     run_on_cluster(
@@ -189,7 +189,7 @@ def test_a_recipe_that_fails_on_the_cluster_is_named(cluster, tmp_path):
 
 
 @pytest.mark.slow
-def test_the_same_recipe_collects_on_a_cluster(demonstrations, tmp_path):  # noqa: F811
+def test_the_same_recipe_collects_on_a_cluster(demonstrations, tmp_path):
     pytest.importorskip("ray", reason="Ray is not installed: pip install -e '.[ray]'")
     done = run("gail_ppo", "subtask=0", "collection.backend=ray", demonstrations, *places(tmp_path, "a"))
     assert done.returncode == 0, done.stderr

@@ -11,7 +11,7 @@ from tstar_rl.config.check import ConfigError
 from tstar_rl.config.load import CONFIGS, check_config, recipe, settings
 from tstar_rl.updates import PPOSettings
 
-RECIPES = Path(__file__).resolve().parent.parent / "recipes"
+RECIPES = Path(__file__).resolve().parents[2] / "recipes"
 SCALES = [path.stem for path in (CONFIGS / "scale").glob("*.yaml")]
 SPIRL_SCALES = [path.stem for path in (CONFIGS / "spirl").glob("*.yaml")]
 

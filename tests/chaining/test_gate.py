@@ -8,7 +8,7 @@ import pytest
 import torch
 from point_chain import PointChain, make_skills
 
-from tstar_rl.chaining.calibration import area_under_curve, brier_score
+from tstar_rl.chaining.calibration import area_under_curve
 from tstar_rl.chaining.chain import load_chain
 from tstar_rl.chaining.gate import Gate, GateSettings
 from tstar_rl.chaining.skill import Skill
@@ -160,13 +160,13 @@ def test_the_sets_begin_with_what_a_trial_of_the_chain_has_seen_or_empty(
 
 
 def test_what_a_chain_carries_over_goes_on_after_a_kill(point_chain, monkeypatch, tmp_path):
-    """A run that is killed in its sixth turn and resumed writes the same table as one that was not."""
-    values = ("chain.gate=true", "chain.rounds=2", "chain.carry_over=true")
+    """A run that is killed in its second skill's second turn and resumed writes the same table as one that was not."""
+    values = ("chain.gate=true", "chain.rounds=2", "chain.links=2", "chain.carry_over=true")
     whole = point_chain("tstar", *values, "system=whole")
     finish = Training._finish_rollout
 
     def killed(training, rollout):
-        if training.run.turn == 5:
+        if training.run.turn == 3:
             raise KeyboardInterrupt
         return finish(training, rollout)
 
@@ -192,10 +192,11 @@ def test_optimisers_and_simulations_are_carried_over_or_made_anew(carry_over, po
         yield from rollouts(turn)
 
     monkeypatch.setattr(Turn, "rollouts", watched)
-    point_chain("tstar", "chain.gate=false", "chain.rounds=2", f"chain.carry_over={str(carry_over).lower()}")
-    for index in range(4):
+    small = ("chain.links=2", "chain.rounds=2", "chain.steps_per_turn=512", "chain.trial_every=4")
+    point_chain("tstar", "chain.gate=false", *small, f"chain.carry_over={str(carry_over).lower()}")
+    for index in range(2):
         (first, none), (second, updates) = seen[index]
-        assert (first == second) is carry_over and none == 0 and updates == (2 if carry_over else 0)
+        assert (first == second) is carry_over and none == 0 and updates == (1 if carry_over else 0)
 
 
 @pytest.mark.parametrize("d_omega_of", ["next", "own"])
@@ -243,8 +244,3 @@ def test_area_under_curve_by_hand():
     scores, outcomes = torch.tensor([0.9, 0.4, 0.5, 0.4]), torch.tensor([True, True, False, False])
     assert area_under_curve(scores, outcomes) == (2 + 0.5) / 4
     assert math.isnan(area_under_curve(scores, torch.ones(4, dtype=torch.bool)))
-
-
-def test_brier_score_by_hand():
-    assert brier_score(torch.tensor([0.5, 1.0]), torch.tensor([True, False])) == pytest.approx((0.25 + 1) / 2)
-    assert math.isnan(brier_score(torch.zeros(0), torch.zeros(0, dtype=torch.bool)))

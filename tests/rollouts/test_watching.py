@@ -1,10 +1,5 @@
 """What is remembered of episodes to play them: states and steps of the first one, and what d_omega says at its ends."""
 
-import os
-import subprocess
-import sys
-from pathlib import Path
-
 import pytest
 import torch
 from tensordict import TensorDict
@@ -12,8 +7,6 @@ from tensordict import TensorDict
 from tstar_rl.rollouts.collection import with_starts
 from tstar_rl.rollouts.episodes import run_episodes
 from tstar_rl.rollouts.watching import EpisodeLog, d_omega_signal, record_episode
-
-ROOT = Path(__file__).resolve().parent.parent
 
 
 def test_an_episode_is_remembered_up_to_its_end(make_env, policy):
@@ -62,13 +55,9 @@ def test_d_omega_of_the_next_skill_speaks_where_a_subtask_was_done():
     torch.testing.assert_close(said, torch.tensor([0.75, torch.nan, 1.0, torch.nan]), equal_nan=True)
 
 
-def test_watch_writes_one_page_with_a_failure_and_a_success(tmp_path):
-    values = ["env.max_steps=100", "noise=0.8", "simulations=1", "subtask=0", f"runs_dir={tmp_path}"]
-    command = [sys.executable, str(ROOT / "recipes" / "watch.py"), *values]
-    environ = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "envs")])}
-    done = subprocess.run(command, env=environ, cwd=tmp_path, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    said = done.stdout.splitlines()
+def test_watch_writes_one_page_with_a_failure_and_a_success(call, tmp_path, capsys):
+    call("watch", "env.max_steps=100", "noise=0.8", "simulations=1", "subtask=0", f"runs_dir={tmp_path}")
+    said = capsys.readouterr().out.splitlines()
     assert "disturbed: failure after" in said[0] and "scripted assembler: success after" in said[1]
     assert said[2] == str(tmp_path / "watch.html")
     assert [path.name for path in tmp_path.iterdir()] == ["watch.html"]

@@ -1,10 +1,6 @@
 """What `evaluate.py` evaluates and where its rows go."""
 
-import importlib.util
 import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pandas as pd
@@ -12,21 +8,18 @@ import pytest
 import torch
 import yaml
 from hydra import compose, initialize_config_dir
+from recipe_runs import load_recipe
 
 from tstar_rl.chaining.chain import save_chain
 from tstar_rl.chaining.skill import NetworkSettings, Skill
 from tstar_rl.config.load import CONFIGS
 
-ROOT = Path(__file__).resolve().parent.parent
 CHAIN = ["last/skill0", "last/skill1"]
 
 
 @pytest.fixture(scope="module")
 def recipe():
-    spec = importlib.util.spec_from_file_location("recipe_evaluate", ROOT / "recipes" / "evaluate.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return load_recipe("evaluate")
 
 
 @pytest.fixture
@@ -134,21 +127,13 @@ def test_another_run_than_asked_for_is_refused(recipe, made, given, message):
         places(recipe, *given)
 
 
-def test_rows_films_and_config_lie_beside_each_other(tmp_path):
+def test_rows_films_and_config_lie_beside_each_other(recipe, call, tmp_path):
     skill = Skill("table_lack", 2, NetworkSettings(hidden=(8,), std="fixed"))
     place = Path("table_lack/mine/seed4/subtask2")
     skill.save(tmp_path / "runs" / place / "last")
     values = ["modes=[deterministic]", "evaluation.episodes=2", "+env.max_steps=5"]
     values += [f"runs_dir={tmp_path / 'runs'}", f"results_dir={tmp_path / 'results'}"]
-    command = [
-        sys.executable,
-        str(ROOT / "recipes" / "evaluate.py"),
-        f"path={tmp_path / 'runs' / place}",
-        *values,
-    ]
-    environ = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "envs")])}
-    done = subprocess.run(command, env=environ, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    call("evaluate", f"path={tmp_path / 'runs' / place}", *values, module=recipe)
     folder = tmp_path / "results" / place
     table = pd.read_csv(folder / "evaluation.csv")
     assert table[["seed", "episodes", "checkpoint"]].values.tolist() == [[4, 2, "last"]]

@@ -7,12 +7,12 @@ from pathlib import Path
 import pandas as pd
 import pytest
 from hydra.core.global_hydra import GlobalHydra
-from test_recipes import places, run
+from recipe_runs import places, run
 
 from tstar_rl.runs import checkpoint
 
-RECIPES = Path(__file__).resolve().parent.parent / "recipes"
-CHAIN = ["chain.steps_per_turn=256", "chain.trial_episodes=8", "chain.whole_trial_episodes=4"]
+RECIPES = Path(__file__).resolve().parents[2] / "recipes"
+CHAIN = ["chain.steps_per_turn=256", "chain.trial_episodes=8", "chain.seed_episodes=8"]
 
 
 @pytest.mark.slow
