@@ -21,8 +21,8 @@ SMALL = [
 
 def test_every_size_has_its_rows_and_the_shares_are_of_one_whole(monkeypatch):
     monkeypatch.syspath_prepend(RECIPES)
-    from bench import Training, warm_started
     from bench_device import device_rows
+    from bench_training import Training, warm_started
 
     with initialize_config_dir(str(CONFIGS), version_base="1.3"):
         config = compose("recipe/bench", [*SMALL, "scale=gpu", "device=cpu", "nthread=1"])
