@@ -24,7 +24,7 @@ def device_rows(config: DictConfig, prepare: Callable[[DictConfig, Any], Any]) -
 
     Args:
         config: of a recipe, with the device to measure and a scale that suits it.
-        prepare: a config and an environment -> `bench.Training`, warm started.
+        prepare: a config and an environment -> `bench_training.Training`, warm started.
     """
     steps, sizes = config.bench.steps, config.bench.device_sizes
     for number in sizes:

@@ -42,7 +42,7 @@ ROOMS = (
     ("analysis",),
 )
 SIMULATORS = {"mujoco", "mujoco_warp", "warp", "dm_control", "dm_env"}
-MEASURES_THE_SIMULATOR = {"bench.py", "bench_device.py", "bench_wrapped.py"}
+MEASURES_THE_SIMULATOR = {"bench_bare.py", "bench_device.py", "bench_wrapped.py"}
 
 
 def imports(path: Path) -> set[str]:

@@ -39,7 +39,7 @@ def test_rates_and_shares_of_work_that_takes_known_times(monkeypatch):
     """A bare control step takes 1/4 s, one of the environment 1/2 s, an iteration of training 2 + 1 + 1/2 + 1/2 s."""
     monkeypatch.syspath_prepend(RECIPES)
     import bench_device
-    from bench import Training, warm_started
+    from bench_training import Training, warm_started
 
     clock, make = Clock(), bench_device.environment
     monkeypatch.setattr(bench_device.time, "perf_counter", lambda: clock.now)

@@ -1,6 +1,7 @@
 """What updates do to networks."""
 
 import copy
+import math
 
 import pytest
 import torch
@@ -8,6 +9,7 @@ from tensordict import TensorDict
 from torchrl.objectives.value import GAE
 
 from tstar_rl.chaining.skill import NetworkSettings, Skill
+from tstar_rl.models.blocks import in_blocks
 from tstar_rl.models.networks import make_discriminator
 from tstar_rl.models.return_scale import ReturnScale
 from tstar_rl.rollouts.collection import Collection, with_starts
@@ -166,3 +168,42 @@ def test_values_of_next_states_are_looked_at_once_and_right():
     assert (done & ~step["terminated"]).any()
     torch.testing.assert_close(found["advantage"], expected["advantage"])
     torch.testing.assert_close(found["value_target"], expected["value_target"])
+
+
+@pytest.mark.parametrize("shape", [(0,), (5,), (3, 700), (2, 2, 600)])
+def test_a_network_in_blocks_gives_what_it_gives_at_once(shape):
+    network, rows = make_discriminator(72), torch.randn(*shape, 72)
+    with torch.no_grad():
+        torch.testing.assert_close(in_blocks(network, rows), network(rows))
+
+
+def test_bfloat16_is_coarser_and_keeps_parameters_in_float32():
+    torch.manual_seed(0)
+    network, rows = make_discriminator(72), torch.randn(300, 72)
+    exact = network(rows).detach()
+    settings = DiscriminatorSettings(bfloat16=True, steps=3)
+    update = DiscriminatorUpdate("f_phi", network, {"expert": 1.0, "agent": -1.0}, settings)
+    coarse = network(rows).detach()
+    assert coarse.dtype == torch.float32 and not torch.equal(coarse, exact)
+    torch.testing.assert_close(coarse, exact, atol=0.03, rtol=0.03)
+    log = update(expert=rows, agent=rows + 1)
+    assert all(math.isfinite(value) for value in log.values())
+    assert {value.dtype for value in network.parameters()} == {torch.float32}
+    assert not torch.equal(network(rows), coarse)
+
+
+def test_the_critic_in_bfloat16_learns_and_the_actor_is_not_touched(make_env):
+    rollout = RewardMixture({"env": 1.0})(rollouts(make_env, small_skill()).rollout())
+    found = {}
+    for coarse in (False, True):
+        skill = small_skill()
+        settings = PPOSettings(minibatch=64, epochs=1, critic_bfloat16=coarse)
+        update = PolicyUpdate(skill.policy, skill.value, settings, skill.return_scale)
+        encoded = update._with_advantage(rollout.clone())["encoded"]
+        values = update.critic.module(encoded).detach()
+        log = update(rollout.clone())
+        found[coarse] = values, log["loss_critic"], state_of(skill.value)
+    assert found[True][0].dtype == torch.float32 and not torch.equal(found[True][0], found[False][0])
+    torch.testing.assert_close(found[True][0], found[False][0], atol=0.05, rtol=0.05)
+    assert found[True][1] == pytest.approx(found[False][1], rel=0.05)
+    assert not same(found[True][2], found[False][2])
