@@ -24,6 +24,12 @@ MAX_SPEED, MAX_TURN = 0.4, 1.4
 """Limits of the hand, m/s and rad/s: turning a held part faster loses it."""
 HOVER, APPROACH = 0.06, 0.03
 """Heights, m: the hand over the grasp point, the connector over its target before it is lowered."""
+ASIDE = 0.015
+"""How far beside its target, m, a connector may begin to be lowered."""
+INSERTION_STEP = 0.012
+"""Furthest goal below a part that is lowered into a socket, m: 72 mm/s."""
+HALF_TURN, WRIST_RANGE = 2.2, 4.4
+"""rad: a turn that is about as long the other way round; how far the wrist's last joint can go, with a margin."""
 SLACK = 2.0
 """How much further off a lowering may be near its end than at its beginning, before it is given up."""
 GRASP_DEPTH = 0.008
@@ -47,7 +53,7 @@ class Assembler:
             [torch.linalg.cross(scene.closing, scene.approach), scene.closing, scene.approach], dim=-1
         )
         reach, close = self._reach(scene, hand)
-        carry, connect = self._carry(state, scene)
+        carry, connect = self._carry(state, scene, hand)
         holding = scene.touching.unsqueeze(-1)
         twist = torch.where(holding, carry, reach)
         velocity = controller.joint_velocities(self._anchors, self._axes, scene.tip, twist)
@@ -66,25 +72,34 @@ class Assembler:
         goal = torch.stack(
             [torch.linalg.cross(closing, scene.grip_direction), closing, scene.grip_direction], dim=-1
         )
-        turn = controller.rotation_vector(hand, goal)
-        offset = scene.grasp_point - scene.tip
-        slack = _slack(-offset[:, 2], HOVER)
-        ready = (offset[:, :2].norm(dim=-1) < 0.012 * slack) & (turn.norm(dim=-1) < 0.12 * slack)
-        depth = torch.where(ready, -GRASP_DEPTH, HOVER)
-        offset = torch.cat([offset[:, :2], offset[:, 2:] + depth.unsqueeze(-1)], dim=-1)
-        close = ready & (offset[:, 2].abs() < 0.006)
-        return self._twist(offset, turn, close), close
+        turn = self._wrist_turn(hand, controller.rotation_vector(hand, goal))
+        depth, beside = _split(scene.grasp_point - scene.tip, scene.retreat)
+        slack = _slack(-depth, HOVER)
+        ready = (beside.norm(dim=-1) < 0.012 * slack) & (turn.norm(dim=-1) < 0.12 * slack)
+        wait = torch.where(ready, -GRASP_DEPTH, HOVER + self._further_back(scene, turn))
+        off = depth + wait
+        close = ready & (off.abs() < 0.006)
+        return self._twist(beside + off.unsqueeze(-1) * scene.retreat, turn, close), close
 
-    def _carry(self, state: TensorDict, scene: Scene) -> tuple[Tensor, Tensor]:
+    def _further_back(self, scene: Scene, turn: Tensor) -> Tensor:
+        """Added to the distance at which the hand waits, m, (N,): from the side, it turns clear of the part first."""
+        return torch.where(scene.retreat[:, 2] > 0.99, 0.0, 0.1 * (turn.norm(dim=-1) / 0.5).clamp_max(1.0))
+
+    def _carry(self, state: TensorDict, scene: Scene, hand: Tensor) -> tuple[Tensor, Tensor]:
         """Twist (N, 6) that brings the held part to its target, and whether to connect, (N,) bool."""
         moving, goal = self._connector_frames(state)
-        turn = controller.rotation_vector(moving, goal)
-        to_target = scene.target_connector - scene.moving_connector
+        turn = self._wrist_turn(hand, controller.rotation_vector(moving, goal))
+        height, beside = _split(scene.target_connector - scene.moving_connector, scene.way_out)
+        insertion, aside = self._straight_stretch(state)
         upright = turn.norm(dim=-1) < 0.25
-        slack = _slack(-to_target[:, 2], APPROACH)
-        over = upright & (to_target[:, :2].norm(dim=-1) < 0.015 * slack) & (turn.norm(dim=-1) < 0.06 * slack)
-        height = torch.where(over, 0.0, APPROACH)
-        above = torch.cat([to_target[:, :2], to_target[:, 2:] + height.unsqueeze(-1)], dim=-1)
+        slack = _slack(-height, APPROACH + insertion)
+        over = upright & (beside.norm(dim=-1) < aside * slack) & (turn.norm(dim=-1) < 0.06 * slack)
+        before = height + torch.where(over, 0.0, APPROACH + insertion)
+        # Inside a socket: down slowly, and out again without pressing sideways.
+        inside = insertion > 0
+        before = torch.where(inside & over, before.clamp_min(-INSERTION_STEP), before)
+        stuck = inside & ~over & (before > APPROACH)
+        above = torch.where(stuck.unsqueeze(-1), 0.0, beside) + before.unsqueeze(-1) * scene.way_out
         # Not yet upright: up first, on the spot, then turn about the part's own middle.
         lift = scene.part.new_zeros(scene.part.shape)
         lift[:, 2] = self._carry_height(state, scene) - scene.part[:, 2]
@@ -103,7 +118,21 @@ class Assembler:
     def _carry_height(self, state: TensorDict, scene: Scene) -> Tensor:
         """Height of the part's middle at which it can be turned upright clear of everything, m, (N,)."""
         length = (scene.moving_connector - scene.part).norm(dim=-1)
-        return scene.target_connector[:, 2] + length + APPROACH + 0.01
+        return scene.target_connector[:, 2] + length + self._straight_stretch(state)[0] + APPROACH + 0.01
+
+    def _straight_stretch(self, state: TensorDict) -> tuple[Tensor, Tensor]:
+        """Length of the way on which the part can only go straight, and how far aside it may begin it, m, (N,) each."""
+        k = self.task.tables.step_index(state["subtask"])
+        insertion, clearance = self.task.tables.insertion[k], self.task.tables.clearance[k]
+        return insertion, torch.where(insertion > 0, (clearance / 2).clamp_max(ASIDE), ASIDE)
+
+    def _wrist_turn(self, hand: Tensor, turn: Tensor) -> Tensor:
+        """The turn (N, 3), the other way round where the wrist's last joint cannot go the short way."""
+        angle = turn.norm(dim=-1, keepdim=True)
+        wrist = self.physics.qpos[:, sawyer.NUM_JOINTS - 1 : sawyer.NUM_JOINTS]
+        goal = wrist + (turn * hand[:, :, 2]).sum(-1, keepdim=True)
+        blocked = (angle > HALF_TURN) & (goal.abs() > WRIST_RANGE)
+        return torch.where(blocked, turn * (1 - 2 * torch.pi / angle.clamp_min(1e-9)), turn)
 
     def _connector_frames(self, state: TensorDict) -> tuple[Tensor, Tensor]:
         """World frames (N, 3, 3) of the moving connector and of its goal, at the turn that the recipe names."""
@@ -117,6 +146,12 @@ class Assembler:
         linear = controller.clip_norm(RATE * offset, MAX_SPEED)
         angular = controller.clip_norm(RATE * turn, MAX_TURN)
         return torch.cat([linear, angular], dim=-1) * (~still).unsqueeze(-1)
+
+
+def _split(offset: Tensor, direction: Tensor) -> tuple[Tensor, Tensor]:
+    """Offsets (N, 3) along unit vectors `direction` (N, 3), (N,), and beside them, (N, 3)."""
+    along = (offset * direction).sum(-1)
+    return along, offset - along.unsqueeze(-1) * direction
 
 
 def _slack(height: Tensor, above: float) -> Tensor:

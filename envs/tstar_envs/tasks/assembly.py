@@ -156,6 +156,8 @@ class Assembly(BatchedTask):
             grasp_point=moving[:, :3] + held[..., 4],
             grasp_axis=held[..., 5],
             grip_direction=tables.grip_direction[k],
+            retreat=tables.retreat[k],
+            way_out=tables.approach_direction(k, target_frame),
             moving_connector=connector,
             target_connector=target_connector,
             alignment=align(

@@ -46,6 +46,8 @@ class Scene(NamedTuple):
     grasp_point: Tensor  # (N, 3)
     grasp_axis: Tensor  # (N, 3)
     grip_direction: Tensor  # (N, 3) the approach direction asked for while grasping
+    retreat: Tensor  # (N, 3) unit, from the grasp point to where the hand waits before it grasps
+    way_out: Tensor  # (N, 3) unit, from the target connector to where the moving one comes from
     moving_connector: Tensor  # (N, 3)
     target_connector: Tensor  # (N, 3)
     alignment: Alignment
@@ -76,13 +78,13 @@ def init_eef(scene: Scene, start_tip: Tensor) -> Tensor:
 
 
 def move_eef_above_leg(scene: Scene) -> Tensor:
-    """Potential (N,) of phase 1: the tip to a point above the grasp point."""
-    return 100.0 * (scene.tip - _raised(scene.grasp_point, ABOVE)).norm(dim=-1).clamp_max(1.0)
+    """Potential (N,) of phase 1: the tip to a point above the grasp point, or behind it."""
+    return 100.0 * (scene.tip - _moved(scene.grasp_point, ABOVE, scene.retreat)).norm(dim=-1).clamp_max(1.0)
 
 
 def lower_eef(scene: Scene) -> Tensor:
     """Potential (N,) of phases 2 and 3: the tip to a point below the grasp point."""
-    return 1000.0 * (scene.tip - _raised(scene.grasp_point, -BELOW)).norm(dim=-1).clamp_max(0.2)
+    return 1000.0 * (scene.tip - _moved(scene.grasp_point, -BELOW, scene.retreat)).norm(dim=-1).clamp_max(0.2)
 
 
 def lift_leg(scene: Scene, lift_point: Tensor) -> Tensor:
@@ -97,7 +99,7 @@ def align_leg(alignment: Alignment, lift_distance: Tensor) -> Tensor:
 
 
 def move_leg(scene: Scene, z_finedist: float) -> Tensor:
-    """Potential (N,) of phase 6: the connector to a point above its target."""
+    """Potential (N,) of phase 6: the connector to a point above its target, or before it along its axis."""
     cosines = scene.alignment.up_cosine.clamp_min(0) + scene.alignment.forward_cosine.clamp_min(0)
     return 300.0 * _fine_distance(scene, z_finedist).clamp_max(0.5) - 50.0 * cosines
 
@@ -121,15 +123,17 @@ def conditions(
     connected: Tensor,
 ) -> Tensor:
     """Whether each phase's condition holds, (N, 8) bool."""
-    to_lower = scene.tip - _raised(scene.grasp_point, -BELOW)
+    to_lower = scene.tip - _moved(scene.grasp_point, -BELOW, scene.retreat)
     to_lift = scene.part - lift_point
     upright = (scene.alignment.up_cosine > 0.85) & (scene.alignment.forward_cosine > 0.85) & scene.touching
     down = (scene.approach * scene.grip_direction).sum(-1) > MIN_GRIP_COSINE
     gripping = down & ((scene.closing * scene.grasp_axis).sum(-1).abs() > MIN_GRIP_COSINE)
     at_start = (scene.tip - start_tip).norm(dim=-1) < 0.03
-    above = (scene.tip - _raised(scene.grasp_point, ABOVE)).norm(dim=-1) < 0.03
-    lowered = (to_lower[:, :2].norm(dim=-1) < 0.02) & (to_lower[:, 2].abs() < 0.015)
-    held = scene.touching & (scene.tip[:, 2] < scene.grasp_point[:, 2])
+    above = (scene.tip - _moved(scene.grasp_point, ABOVE, scene.retreat)).norm(dim=-1) < 0.03
+    depth = (to_lower * scene.retreat).sum(-1, keepdim=True)
+    beside = (to_lower - depth * scene.retreat).norm(dim=-1)
+    lowered = (beside < 0.02) & (depth.squeeze(-1).abs() < 0.015)
+    held = scene.touching & (((scene.tip - scene.grasp_point) * scene.retreat).sum(-1) < 0)
     lifted = (to_lift[:, 2].abs() < 0.02) & (to_lift[:, :2].norm(dim=-1) < 0.05)
     return torch.stack(
         [
@@ -159,8 +163,8 @@ def grip_penalty(scene: Scene, phase: Tensor) -> Tensor:
 
 
 def _fine_distance(scene: Scene, z_finedist: float) -> Tensor:
-    return (scene.moving_connector - _raised(scene.target_connector, z_finedist)).norm(dim=-1)
+    return (scene.moving_connector - _moved(scene.target_connector, z_finedist, scene.way_out)).norm(dim=-1)
 
 
-def _raised(point: Tensor, height: float) -> Tensor:
-    return torch.cat([point[..., :2], point[..., 2:] + height], dim=-1)
+def _moved(point: Tensor, by: float, direction: Tensor) -> Tensor:
+    return point + by * direction
