@@ -17,6 +17,7 @@ from tstar_envs.robots import sawyer
 from tstar_envs.tasks.actions import CONNECT, GRIPPER, NUM_ACTIONS
 from tstar_envs.tasks.assembly import Assembly
 from tstar_envs.tasks.phase_reward import Scene
+from tstar_envs.tasks.recipe_tables import RecipeTables
 
 RATE = 6.0
 """Proportional gain, 1/s: at 10 Hz a step closes 60% of an error."""
@@ -45,6 +46,7 @@ class Assembler:
             sawyer.JOINT_SPEEDS, dtype=torch.float64, device=physics.device
         )
         self._anchors, self._axes = physics.joint_frames(sawyer.NUM_JOINTS)
+        self._hand_in_connector = _hand_in_connector(task.tables)
 
     def act(self, state: TensorDict) -> Tensor:
         """Actions (N, 9) for the present scene."""
@@ -52,7 +54,7 @@ class Assembler:
         hand = torch.stack(
             [torch.linalg.cross(scene.closing, scene.approach), scene.closing, scene.approach], dim=-1
         )
-        reach, close = self._reach(scene, hand)
+        reach, close = self._reach(state, scene, hand)
         carry, connect = self._carry(state, scene, hand)
         holding = scene.touching.unsqueeze(-1)
         twist = torch.where(holding, carry, reach)
@@ -63,7 +65,7 @@ class Assembler:
         action[:, CONNECT] = torch.where(scene.touching & connect, 1.0, -1.0)
         return action
 
-    def _reach(self, scene: Scene, hand: Tensor) -> tuple[Tensor, Tensor]:
+    def _reach(self, state: TensorDict, scene: Scene, hand: Tensor) -> tuple[Tensor, Tensor]:
         """Twist (N, 6) towards the grasp, and whether to close, (N,) bool."""
         side = (scene.grasp_axis * scene.closing).sum(-1, keepdim=True).sign()
         along = (scene.grasp_axis * scene.grip_direction).sum(-1, keepdim=True)
@@ -76,18 +78,25 @@ class Assembler:
         depth, beside = _split(scene.grasp_point - scene.tip, scene.retreat)
         slack = _slack(-depth, HOVER)
         ready = (beside.norm(dim=-1) < 0.012 * slack) & (turn.norm(dim=-1) < 0.12 * slack)
-        wait = torch.where(ready, -GRASP_DEPTH, HOVER + self._further_back(scene, turn))
-        off = depth + wait
+        off = depth + torch.where(ready, -GRASP_DEPTH, self._waiting_distance(state, scene, beside, turn))
         close = ready & (off.abs() < 0.006)
+        low = ~ready & (off > 0.03) & (self._travel_height(state) > HOVER)  # up first, then there
+        beside = torch.where(low.unsqueeze(-1), 0.0, beside)
         return self._twist(beside + off.unsqueeze(-1) * scene.retreat, turn, close), close
 
-    def _further_back(self, scene: Scene, turn: Tensor) -> Tensor:
-        """Added to the distance at which the hand waits, m, (N,): from the side, it turns clear of the part first."""
-        return torch.where(scene.retreat[:, 2] > 0.99, 0.0, 0.1 * (turn.norm(dim=-1) / 0.5).clamp_max(1.0))
+    def _waiting_distance(self, state: TensorDict, scene: Scene, beside: Tensor, turn: Tensor) -> Tensor:
+        """How far from the grasp point the hand waits, m, (N,): high while it travels, clear while it turns."""
+        far = ((beside.norm(dim=-1) - 0.03) / 0.05).clamp(0.0, 1.0)
+        travels = (self._travel_height(state) - HOVER) * far
+        turns = 0.1 * (turn.norm(dim=-1) / 0.5).clamp_max(1.0)
+        return HOVER + torch.where(scene.retreat[:, 2] > 0.99, travels, turns)
+
+    def _travel_height(self, state: TensorDict) -> Tensor:
+        return self.task.tables.travel_height[self.task.tables.step_index(state["subtask"])]
 
     def _carry(self, state: TensorDict, scene: Scene, hand: Tensor) -> tuple[Tensor, Tensor]:
         """Twist (N, 6) that brings the held part to its target, and whether to connect, (N,) bool."""
-        moving, goal = self._connector_frames(state)
+        moving, goal = self._connector_frames(state, scene.approach)
         turn = self._wrist_turn(hand, controller.rotation_vector(moving, goal))
         height, beside = _split(scene.target_connector - scene.moving_connector, scene.way_out)
         insertion, aside = self._straight_stretch(state)
@@ -134,18 +143,37 @@ class Assembler:
         blocked = (angle > HALF_TURN) & (goal.abs() > WRIST_RANGE)
         return torch.where(blocked, turn * (1 - 2 * torch.pi / angle.clamp_min(1e-9)), turn)
 
-    def _connector_frames(self, state: TensorDict) -> tuple[Tensor, Tensor]:
-        """World frames (N, 3, 3) of the moving connector and of its goal, at the turn that the recipe names."""
+    def _connector_frames(self, state: TensorDict, approach: Tensor) -> tuple[Tensor, Tensor]:
+        """World frames (N, 3, 3) of the moving connector and of its goal, at the turn that the recipe names.
+
+        A round part may slip about its axis, and need not be turned back: its frame is then the one that it would have
+        had the hand, which approaches along `approach` (N, 3), not slipped.
+        """
         tables = self.task.tables
         k = tables.step_index(state["subtask"])
         poses, rows = self.task.part_poses, torch.arange(self.physics.num_sims, device=self.physics.device)
         moving = geometry.quat_to_matrix(poses[rows, tables.moving[k], 3:]) @ tables.moving_frame[k]
-        return moving, geometry.quat_to_matrix(poses[rows, tables.target[k], 3:]) @ tables.goal_frame[k]
+        goal = geometry.quat_to_matrix(poses[rows, tables.target[k], 3:]) @ tables.goal_frame[k]
+        held = (moving.transpose(1, 2) @ approach.unsqueeze(-1)).squeeze(-1)
+        slipped = _heading(held) - _heading(self._hand_in_connector[k])
+        slipped = torch.where(tables.turns_freely[k], slipped, 0.0)
+        return moving @ geometry.quat_to_matrix(geometry.yaw_quat(slipped)), goal
 
     def _twist(self, offset: Tensor, turn: Tensor, still: Tensor) -> Tensor:
         linear = controller.clip_norm(RATE * offset, MAX_SPEED)
         angular = controller.clip_norm(RATE * turn, MAX_TURN)
         return torch.cat([linear, angular], dim=-1) * (~still).unsqueeze(-1)
+
+
+def _hand_in_connector(tables: RecipeTables) -> Tensor:
+    """The hand's approach direction in the moving connector's frame when the part is taken where it lies, (K, 3)."""
+    part = geometry.quat_to_matrix(tables.initial_pose[tables.moving, 3:])
+    return ((part @ tables.moving_frame).transpose(1, 2) @ tables.grip_direction.unsqueeze(-1)).squeeze(-1)
+
+
+def _heading(direction: Tensor) -> Tensor:
+    """Angle of directions (N, 3) about z, rad, (N,)."""
+    return torch.atan2(direction[:, 1], direction[:, 0])
 
 
 def _split(offset: Tensor, direction: Tensor) -> tuple[Tensor, Tensor]:

@@ -10,12 +10,10 @@ import yaml
 
 from tstar_envs.furniture.errors import FurnitureError, did_you_mean
 from tstar_envs.furniture.fields import Fields, refuse_duplicates
-from tstar_envs.furniture.schema import APPROACHES, DOWN, GRASP_FROM, Connector, Furniture, Grasp, Part, Step
+from tstar_envs.furniture.schema import ANY_TURN, APPROACHES, DOWN, GRASP_FROM, Connector, Furniture, Grasp, Part, Step
 from tstar_envs.furniture.shapes import Box, Capsule, Cylinder
 
 DATA = Path(__file__).parent / "data"
-ANY_TURN = tuple(math.radians(degrees) for degrees in range(0, 360, 10))
-"""`allowed_degrees: any`: at most 5 degrees off one of these, a connector counts as forward-aligned."""
 MAX_DENSITY = 20_000.0
 """kg / m^3; gold weighs 19,300."""
 
@@ -134,6 +132,7 @@ def _step(fields: Fields) -> Step:
         grasp_index=fields.index("grasp", 0),
         grip_angle=fields.direction("grip_angle", DOWN),
         grasp_from=fields.choice("grasp_from", GRASP_FROM),
+        travel_height=fields.number("travel_height", Step.travel_height, least=0.06, most=0.5),
         approach=fields.choice("approach", APPROACHES),
         insertion=fields.number("insertion", 0.0, least=0.0, most=0.5),
         clearance=fields.number("clearance", Step.clearance, positive=True, most=0.1),

@@ -17,6 +17,8 @@ from tstar_envs.furniture.shapes import IDENTITY, Box, Capsule, Cylinder, Quat, 
 Pose = tuple[float, float, float, float, float, float, float]
 
 DOWN: Vec3 = (0.0, 0.0, -1.0)
+ANY_TURN = tuple(math.radians(degrees) for degrees in range(0, 360, 10))
+"""`allowed_degrees: any`: at most 5 degrees off one of these, a connector counts as forward-aligned."""
 GRASP_FROM = ("above", "back")
 APPROACHES = ("above", "axis")
 
@@ -36,6 +38,11 @@ class Connector:
     mates_with: str
     quat: Quat = IDENTITY
     allowed_angles: tuple[float, ...] = (0.0,)
+
+    @property
+    def turns_freely(self) -> bool:
+        """Whether a round part fits however it is turned."""
+        return self.allowed_angles == ANY_TURN
 
 
 @dataclass(frozen=True)
@@ -80,6 +87,7 @@ class Step:
         grip_angle: the hand's approach direction in the world while it grasps, a unit vector.
         grasp_from: where the hand waits before it grasps: `above` the grasp point, or `back` along `grip_angle`, as it
             must where a standing part is taken from the side.
+        travel_height: height over the grasp point at which the hand comes there, m: over what stands in between.
         approach: how the moving connector comes to the target's: from straight `above`, or along their `axis`.
         insertion: length of the last stretch of that way, m, on which the part is inside the target or between its
             neighbours, so that it can only go straight.
@@ -95,6 +103,7 @@ class Step:
     grasp_index: int = 0
     grip_angle: Vec3 = DOWN
     grasp_from: str = "above"
+    travel_height: float = 0.06
     approach: str = "above"
     insertion: float = 0.0
     clearance: float = 0.015

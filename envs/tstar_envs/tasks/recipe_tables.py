@@ -46,6 +46,8 @@ class RecipeTables:
         """(K, 3), target part's frame: away from the target connector, where the moving one comes from."""
         self.insertion = rows(step.insertion for step in furniture.steps)
         self.clearance = rows(step.clearance for step in furniture.steps)
+        self.travel_height = rows(step.travel_height for step in furniture.steps)
+        self.turns_freely = torch.tensor([moving.turns_freely for moving, _ in connectors], device=device)
         self.waypoint = rows(step.waypoint for step in furniture.steps)
         angles = rows(step.angle for step in furniture.steps)
         self.goal_quat = geometry.quat_mul(self.target_connector[:, 3:], geometry.yaw_quat(angles))
