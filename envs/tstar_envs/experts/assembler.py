@@ -112,7 +112,7 @@ class Assembler:
         above = torch.where(stuck.unsqueeze(-1), 0.0, beside) + before.unsqueeze(-1) * scene.way_out
         # Not yet upright: up first, on the spot, then turn about the part's own middle.
         lift = scene.part.new_zeros(scene.part.shape)
-        lift[:, 2] = self._carry_height(scene) - scene.part[:, 2]
+        lift[:, 2] = self._carry_height(state, scene) - scene.part[:, 2]
         high = lift[:, 2] < 0.06
         about = torch.where(upright.unsqueeze(-1), scene.moving_connector, scene.part)
         offset = torch.where(upright.unsqueeze(-1), above, lift)
@@ -125,10 +125,11 @@ class Assembler:
         )
         return torch.cat([twist[:, :3] + lever, twist[:, 3:]], dim=-1), connect
 
-    def _carry_height(self, scene: Scene) -> Tensor:
+    def _carry_height(self, state: TensorDict, scene: Scene) -> Tensor:
         """Height of the part's middle at which it can be turned upright clear of everything, m, (N,)."""
         length = (scene.moving_connector - scene.part).norm(dim=-1)
-        return scene.target_connector[:, 2] + length + APPROACH + 0.01
+        asked = self.task.tables.turn_height[self.task.tables.step_index(state["subtask"])]
+        return torch.maximum(scene.target_connector[:, 2] + length + APPROACH + 0.01, asked)
 
     def _straight_stretch(self, state: TensorDict) -> tuple[Tensor, Tensor]:
         """Length of the way on which the part can only go straight, and the play beside it, m, (N,) each."""
@@ -166,9 +167,15 @@ class Assembler:
 
 
 def _hand_in_connector(tables: RecipeTables) -> Tensor:
-    """The hand's approach direction in the moving connector's frame when the part is taken where it lies, (K, 3)."""
-    part = geometry.quat_to_matrix(tables.initial_pose[tables.moving, 3:])
-    return ((part @ tables.moving_frame).transpose(1, 2) @ tables.grip_direction.unsqueeze(-1)).squeeze(-1)
+    """The hand's approach direction in the moving connector's frame as each step begins, (K, 3)."""
+    poses, held = tables.initial_pose.unsqueeze(0), []
+    for k in range(tables.num_steps):
+        part = geometry.quat_to_matrix(poses[0, tables.moving[k], 3:])
+        held.append((part @ tables.moving_frame[k]).T @ tables.grip_direction[k])
+        target, ideal = poses[:, tables.target[k]], tables.ideal_relative_pose(k)
+        pose = geometry.compose_pose(target[:, :3], target[:, 3:], ideal[:3], ideal[3:].unsqueeze(0))
+        poses = tables.move_group(k, poses, torch.cat(pose, dim=-1))
+    return torch.stack(held)
 
 
 def _heading(direction: Tensor) -> Tensor:

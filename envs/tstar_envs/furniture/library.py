@@ -133,6 +133,7 @@ def _step(fields: Fields) -> Step:
         grip_angle=fields.direction("grip_angle", DOWN),
         grasp_from=fields.choice("grasp_from", GRASP_FROM),
         travel_height=fields.number("travel_height", Step.travel_height, least=0.06, most=0.5),
+        turn_height=fields.number("turn_height", 0.0, least=0.0, most=1.0),
         approach=fields.choice("approach", APPROACHES),
         insertion=fields.number("insertion", 0.0, least=0.0, most=0.5),
         clearance=fields.number("clearance", Step.clearance, positive=True, most=0.1),

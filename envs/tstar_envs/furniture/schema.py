@@ -88,6 +88,8 @@ class Step:
         grasp_from: where the hand waits before it grasps: `above` the grasp point, or `back` along `grip_angle`, as it
             must where a standing part is taken from the side.
         travel_height: height over the grasp point at which the hand comes there, m: over what stands in between.
+        turn_height: height of the part's own middle above the floor, m, below which it cannot be turned; 0 where its
+            connector's distance from that middle is what needs room.
         approach: how the moving connector comes to the target's: from straight `above`, or along their `axis`.
         insertion: length of the last stretch of that way, m, on which the part is inside the target or between its
             neighbours, so that it can only go straight.
@@ -104,6 +106,7 @@ class Step:
     grip_angle: Vec3 = DOWN
     grasp_from: str = "above"
     travel_height: float = 0.06
+    turn_height: float = 0.0
     approach: str = "above"
     insertion: float = 0.0
     clearance: float = 0.015

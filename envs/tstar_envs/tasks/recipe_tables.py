@@ -47,6 +47,7 @@ class RecipeTables:
         self.insertion = rows(step.insertion for step in furniture.steps)
         self.clearance = rows(step.clearance for step in furniture.steps)
         self.travel_height = rows(step.travel_height for step in furniture.steps)
+        self.turn_height = rows(step.turn_height for step in furniture.steps)
         self.turns_freely = torch.tensor([moving.turns_freely for moving, _ in connectors], device=device)
         self.waypoint = rows(step.waypoint for step in furniture.steps)
         angles = rows(step.angle for step in furniture.steps)
