@@ -168,14 +168,9 @@ class Assembler:
 
 def _hand_in_connector(tables: RecipeTables) -> Tensor:
     """The hand's approach direction in the moving connector's frame as each step begins, (K, 3)."""
-    poses, held = tables.initial_pose.unsqueeze(0), []
-    for k in range(tables.num_steps):
-        part = geometry.quat_to_matrix(poses[0, tables.moving[k], 3:])
-        held.append((part @ tables.moving_frame[k]).T @ tables.grip_direction[k])
-        target, ideal = poses[:, tables.target[k]], tables.ideal_relative_pose(k)
-        pose = geometry.compose_pose(target[:, :3], target[:, 3:], ideal[:3], ideal[3:].unsqueeze(0))
-        poses = tables.move_group(k, poses, torch.cat(pose, dim=-1))
-    return torch.stack(held)
+    steps = torch.arange(tables.num_steps, device=tables.moving.device)
+    part = geometry.quat_to_matrix(tables.nominal_poses()[steps, tables.moving, 3:])
+    return ((part @ tables.moving_frame).transpose(1, 2) @ tables.grip_direction.unsqueeze(-1)).squeeze(-1)
 
 
 def _heading(direction: Tensor) -> Tensor:

@@ -93,7 +93,9 @@ class Fields:
         value = self.numbers(key, 3, default)
         length = math.hypot(*value)
         if abs(length - 1) > 0.02:
-            raise FurnitureError(f"{self.at(key)}: got {list(value)} of length {length:.3f}, expected length 1")
+            raise FurnitureError(
+                f"{self.at(key)}: got {list(value)} of length {length:.3f}, expected length 1"
+            )
         return value if math.isclose(length, 1.0, abs_tol=1e-6) else tuple(x / length for x in value)
 
     def choice(self, key: str, valid: tuple[str, ...]) -> str:

@@ -10,7 +10,17 @@ import yaml
 
 from tstar_envs.furniture.errors import FurnitureError, did_you_mean
 from tstar_envs.furniture.fields import Fields, refuse_duplicates
-from tstar_envs.furniture.schema import ANY_TURN, APPROACHES, DOWN, GRASP_FROM, Connector, Furniture, Grasp, Part, Step
+from tstar_envs.furniture.schema import (
+    ANY_TURN,
+    APPROACHES,
+    DOWN,
+    GRASP_FROM,
+    Connector,
+    Furniture,
+    Grasp,
+    Part,
+    Step,
+)
 from tstar_envs.furniture.shapes import Box, Capsule, Cylinder
 
 DATA = Path(__file__).parent / "data"

@@ -82,6 +82,15 @@ class RecipeTables:
             poses[:, i] = torch.cat(geometry.compose_pose(pose[:, :3], pose[:, 3:], pos, quat), dim=-1)
         return poses
 
+    def nominal_poses(self) -> Tensor:
+        """Part poses (K + 1, parts, 7), world, as each step begins and after the last: no noise, every step exact."""
+        poses = [self.initial_pose.unsqueeze(0)]
+        for k in range(self.num_steps):
+            target, ideal = poses[-1][:, self.target[k]], self.ideal_relative_pose(k)
+            pose = geometry.compose_pose(target[:, :3], target[:, 3:], ideal[:3], ideal[3:].unsqueeze(0))
+            poses.append(self.move_group(k, poses[-1], torch.cat(pose, dim=-1)))
+        return torch.cat(poses)
+
     def approach_direction(self, step: Tensor, target_frame: Tensor) -> Tensor:
         """(N, 3), world: from the target connector to where the moving one comes from, at steps (N,).
 
