@@ -2,8 +2,8 @@
 
 python recipes/evaluate_shelf.py                              # all pieces; tasks=[toy_table,chair_agne]: these alone
 
-Fresh episodes with start noise, earlier steps preassembled as `env.preassembled` says. Rows of one piece and seed replace
-those of the same piece and seed in <results_dir>/shelf/scripted.csv.
+Fresh episodes with start noise, earlier steps preassembled as `env.preassembled` says. Rows of one piece and seed
+replace those of the same piece and seed in <results_dir>/shelf/scripted.csv.
 """
 
 from pathlib import Path

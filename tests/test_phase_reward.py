@@ -31,6 +31,7 @@ def scene(**changed) -> Scene:
     base = {
         "tip": row(*START), "approach": row(0, 0, -1), "closing": row(1, 0, 0), "part": row(*GRASP),
         "grasp_point": row(*GRASP), "grasp_axis": row(1, 0, 0), "grip_direction": row(0, 0, -1),
+        "retreat": row(0, 0, 1), "way_out": row(0, 0, 1),
         "moving_connector": row(0, 0, 0.3), "target_connector": row(0, 0, 0.1), "alignment": alignment(),
         "touching": NO,
     }  # fmt: skip
@@ -138,3 +139,22 @@ def test_off_the_ground_is_a_centimetre_wherever_the_lift_point_is(rise):
     lift_point, rise = row(0.0, 0.0, 0.03 + rise), torch.tensor([rise], dtype=torch.float64)
     assert not phase_reward.off_ground(scene(part=row(0, 0, 0.0399)), lift_point, rise).item()
     assert phase_reward.off_ground(scene(part=row(0, 0, 0.0401)), lift_point, rise).item()
+
+
+def test_a_part_taken_from_the_side_is_waited_for_behind_it():
+    x, y, z = GRASP
+    side = {"retreat": row(0, 1, 0), "grip_direction": row(0, -1, 0), "approach": row(0, -1, 0)}
+    assert_close(phase_reward.move_eef_above_leg(scene(tip=row(x, y + 0.05, z), **side)).item(), 0.0)
+    assert_close(phase_reward.lower_eef(scene(tip=row(x, y - 0.015, z), **side)).item(), 0.0)
+    assert met("lower_eef", tip=row(x, y - 0.01, z), **side)
+    assert not met("lower_eef", tip=row(x, y - 0.01, z + 0.03), **side)
+    holds = {**side, "touching": ~NO}
+    assert met("grasp_leg", tip=row(x, y - 0.01, z), **holds)
+    assert not met("grasp_leg", tip=row(x, y + 0.01, z), **holds)
+
+
+def test_a_connector_that_comes_along_an_axis_is_brought_before_its_target():
+    slope = row(0.6, 0, 0.8)
+    before = row(0, 0, 0.1) + 0.05 * slope
+    assert_close(phase_reward.move_leg(scene(moving_connector=before, way_out=slope), 0.05).item(), -100.0)
+    assert met("move_leg", moving_connector=before, way_out=slope, touching=~NO)

@@ -44,9 +44,9 @@ class BatchedEnvironment:
     """
 
     def __init__(
-        self, name: str | Furniture, num_sims: int = 1, subtask: int | None = None, nthread: int = 0, seed: int | None = None,
-        settings: TaskSettings | Mapping[str, Any] | None = None, device: str | torch.device = "cpu",
-        physics: str | None = None,
+        self, name: str | Furniture, num_sims: int = 1, subtask: int | None = None, nthread: int = 0,
+        seed: int | None = None, settings: TaskSettings | Mapping[str, Any] | None = None,
+        device: str | torch.device = "cpu", physics: str | None = None,
     ):  # fmt: skip
         self.furniture = name if isinstance(name, Furniture) else library.load(name)
         self.name = name = self.furniture.name

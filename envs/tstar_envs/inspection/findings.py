@@ -1,7 +1,7 @@
 """What is wrong or doubtful about a piece of furniture, in plain words, without simulating it.
 
-*Wrong* is what cannot work: a part that starts inside another, a place that the arm does not reach, a grasp with nothing
-between the fingers. *Doubtful* is what often goes wrong: a thin part, a start that noise can spoil, a part of a gram.
+*Wrong* is what cannot work: a part that starts inside another, a place that the arm does not reach, a grasp with
+nothing between the fingers. *Doubtful* is what often goes wrong: a thin part, a start that noise can spoil.
 """
 
 from __future__ import annotations
