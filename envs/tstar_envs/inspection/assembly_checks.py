@@ -138,7 +138,7 @@ def _values(workshop: Workshop, k: int) -> Found:
     step, furniture = workshop.furniture.steps[k], workshop.furniture
     masses = {i: workshop.mass(i) for i in workshop.group(k)}
     moving = furniture.part_index(step.moving_part)
-    if sum(masses.values()) > 3 * masses[moving] and furniture.contact_impedance is None:
+    if sum(masses.values()) > 2.5 * masses[moving] and furniture.contact_impedance is None:
         yield (
             False,
             "contact_impedance",

@@ -106,5 +106,5 @@ def _add_camera(spec: mujoco.MjSpec, name: str, points: np.ndarray) -> None:
     back = np.array([0.45, -0.72, 0.53])
     right = np.array([0.72, 0.45, 0.0]) / np.hypot(0.72, 0.45)
     up = np.cross(back / np.linalg.norm(back), right)
-    off = 0.95 * float(np.linalg.norm(high - low))
+    off = 1.02 * float(np.linalg.norm(high - low))
     spec.worldbody.add_camera(name=name, pos=(low + high) / 2 + off * back, xyaxes=[*right, *up], fovy=45)
