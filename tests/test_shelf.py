@@ -43,6 +43,41 @@ def test_the_expert_assembles_each_step_and_the_whole_of_200(name):
         assert success.double().mean() >= (0.85 if subtask is None else 0.95), subtask
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "step"), [("toy_table", 0), ("table_dockstra", 0), ("table_bjorkudden_0206", 4)]
+)
+def test_the_expert_finds_a_socket_with_action_noise(name, step):
+    """The noise of noisy demonstrations: a part that is often beside the socket's mouth still gets in."""
+    world = make(32, step, seed=3, name=name, velocity_scale=0.4, preassembled="jitter")
+    expert, noise = world.expert(), torch.Generator().manual_seed(0)
+
+    def act(state):
+        action = expert.act(state)
+        action[:, :7] += 0.15 * torch.randn(32, 7, generator=noise, dtype=torch.float64)
+        return action
+
+    success, _ = run(world, act)
+    assert success.double().mean() > 0.4
+
+
+def test_a_part_goes_into_a_socket_only_where_it_is_in_line_with_it():
+    """At the mouth it waits until it fits; inside, the walls guide it; caught on the rim, it comes out again."""
+    world = make(5, 0, name="toy_table")
+    insertion, play = (float(x[0]) for x in (world.task.tables.insertion, world.task.tables.clearance))
+    above = torch.tensor([0.012, 0.012, -0.03, -0.03, 0.012], dtype=torch.float64)  # over the mouth, m
+    aside = torch.tensor([0.5, 1.2, 1.2, 3.0, 0.5], dtype=torch.float64) * play
+    tilt = torch.tensor([0.05, 0.05, 0.15, 0.05, 0.15], dtype=torch.float64)
+    zero = torch.zeros(5, 2, dtype=torch.float64)
+    beside, turn = (torch.cat([x.unsqueeze(-1), zero], -1) for x in (aside, tilt))
+    way = world.expert()._straight_way(world.state, -(insertion + above), beside, turn)
+    assert way.is_one.all()
+    assert (way.along < 0).tolist() == [True, False, True, False, False]
+    assert way.first.tolist() == [False, False, False, True, False]
+    up = torch.tensor([[0.0, 0.0, 1.0]], dtype=torch.float64)
+    assert (way.goal(beside, up)[:, 0] == aside * ~way.first).all()
+
+
 def test_a_jittered_part_stays_inside_its_socket():
     """A leg that is 64 mm in a socket with 10 mm of play starts at most 5 mm aside and 4.5 degrees off."""
     world = make(256, 1, name="toy_table", preassembled="jitter", jitter=0.012, jitter_degrees=10.0)

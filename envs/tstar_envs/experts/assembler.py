@@ -6,6 +6,8 @@ through the same nine actions as any policy. Source: docs/task.md, "Expert".
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import torch
 from tensordict import TensorDict
 from torch import Tensor
@@ -27,6 +29,8 @@ HOVER, APPROACH = 0.06, 0.03
 """Heights, m: the hand over the grasp point, the connector over its target before it is lowered."""
 ASIDE = 0.015
 """How far beside its target, m, a connector may begin to be lowered."""
+MOUTH, INSIDE = 0.012, 0.004
+"""m: before the mouth of a socket a part waits to be in line with it; that deep in it, its walls hold it."""
 INSERTION_STEP = 1.2
 """Furthest goal ahead of a part on its straight last stretch, in clearances: 72 mm/s with a centimetre of play."""
 HALF_TURN, WRIST_RANGE = 2.2, 4.4
@@ -99,17 +103,13 @@ class Assembler:
         moving, goal = self._connector_frames(state, scene.approach)
         turn = self._wrist_turn(hand, controller.rotation_vector(moving, goal))
         height, beside = _split(scene.target_connector - scene.moving_connector, scene.way_out)
-        insertion, clearance = self._straight_stretch(state)
-        inside = insertion > 0
-        aside = torch.where(inside, (clearance / 2).clamp_max(ASIDE), ASIDE)
         upright = turn.norm(dim=-1) < 0.25
-        slack = _slack(-height, APPROACH + insertion)
-        over = upright & (beside.norm(dim=-1) < aside * slack) & (turn.norm(dim=-1) < 0.06 * slack)
-        before = height + torch.where(over, 0.0, APPROACH + insertion)
-        # Inside a socket: down slowly, and out again without pressing sideways.
-        before = torch.where(inside & over, torch.maximum(before, -INSERTION_STEP * clearance), before)
-        stuck = inside & ~over & (before > APPROACH)
-        above = torch.where(stuck.unsqueeze(-1), 0.0, beside) + before.unsqueeze(-1) * scene.way_out
+        straight = self._straight_way(state, height, beside, turn)
+        slack = _slack(-height, APPROACH)
+        over = upright & (beside.norm(dim=-1) < ASIDE * slack) & (turn.norm(dim=-1) < 0.06 * slack)
+        before = height + torch.where(over, 0.0, APPROACH)
+        above = beside + before.unsqueeze(-1) * scene.way_out
+        above = torch.where(straight.is_one.unsqueeze(-1), straight.goal(beside, scene.way_out), above)
         # Not yet upright: up first, on the spot, then turn about the part's own middle.
         lift = scene.part.new_zeros(scene.part.shape)
         lift[:, 2] = self._carry_height(state, scene) - scene.part[:, 2]
@@ -131,10 +131,19 @@ class Assembler:
         asked = self.task.tables.turn_height[self.task.tables.step_index(state["subtask"])]
         return torch.maximum(scene.target_connector[:, 2] + length + APPROACH + 0.01, asked)
 
-    def _straight_stretch(self, state: TensorDict) -> tuple[Tensor, Tensor]:
-        """Length of the way on which the part can only go straight, and the play beside it, m, (N,) each."""
+    def _straight_way(self, state: TensorDict, height: Tensor, beside: Tensor, turn: Tensor) -> StraightWay:
+        """Where to go on a way whose last stretch is straight: to its mouth, in where nothing is beside it, or out."""
         k = self.task.tables.step_index(state["subtask"])
-        return self.task.tables.insertion[k], self.task.tables.clearance[k]
+        insertion, play = self.task.tables.insertion[k], self.task.tables.clearance[k]
+        off, tilt, outside = beside.norm(dim=-1), turn.norm(dim=-1), -height - insertion
+        inside = outside < -INSIDE
+        fits = torch.where(
+            inside, (off < play + 0.006) & (tilt < 0.2), (off < 0.8 * play.clamp_max(0.03)) & (tilt < 0.1)
+        )
+        mouth = insertion + torch.where(off < 2 * ASIDE, MOUTH, APPROACH)
+        ahead = torch.where(inside, 2.0, 1.0) * INSERTION_STEP * play
+        along = torch.where(fits, torch.maximum(height, -ahead), height + mouth)
+        return StraightWay(insertion > 0, along, ~fits & (along > APPROACH / 2))
 
     def _wrist_turn(self, hand: Tensor, turn: Tensor) -> Tensor:
         """The turn (N, 3), the other way round where the wrist's last joint cannot go the short way."""
@@ -164,6 +173,18 @@ class Assembler:
         linear = controller.clip_norm(RATE * offset, MAX_SPEED)
         angular = controller.clip_norm(RATE * turn, MAX_TURN)
         return torch.cat([linear, angular], dim=-1) * (~still).unsqueeze(-1)
+
+
+class StraightWay(NamedTuple):
+    """What to do on a way whose last stretch is straight; every field (N,)."""
+
+    is_one: Tensor  # bool: the step's way is such a one
+    along: Tensor  # how far to move out along the way, m; negative: in
+    first: Tensor  # bool: along the way alone, the part is too deep to go sideways
+
+    def goal(self, beside: Tensor, way_out: Tensor) -> Tensor:
+        """The offset (N, 3) to move the part by, m."""
+        return torch.where(self.first.unsqueeze(-1), 0.0, beside) + self.along.unsqueeze(-1) * way_out
 
 
 def _hand_in_connector(tables: RecipeTables) -> Tensor:
