@@ -82,18 +82,19 @@ class Assembler:
         depth, beside = _split(scene.grasp_point - scene.tip, scene.retreat)
         slack = _slack(-depth, HOVER)
         ready = (beside.norm(dim=-1) < 0.012 * slack) & (turn.norm(dim=-1) < 0.12 * slack)
-        off = depth + torch.where(ready, -GRASP_DEPTH, self._waiting_distance(state, scene, beside, turn))
+        farther = self._waits_farther_off(state, scene, beside, turn)
+        off = depth + torch.where(ready, -GRASP_DEPTH, HOVER) + torch.where(ready, 0.0, farther)
         close = ready & (off.abs() < 0.006)
         low = ~ready & (off > 0.03) & (self._travel_height(state) > HOVER)  # up first, then there
         beside = torch.where(low.unsqueeze(-1), 0.0, beside)
         return self._twist(beside + off.unsqueeze(-1) * scene.retreat, turn, close), close
 
-    def _waiting_distance(self, state: TensorDict, scene: Scene, beside: Tensor, turn: Tensor) -> Tensor:
-        """How far from the grasp point the hand waits, m, (N,): high while it travels, clear while it turns."""
+    def _waits_farther_off(self, state: TensorDict, scene: Scene, beside: Tensor, turn: Tensor) -> Tensor:
+        """How much farther than `HOVER` off the grasp point the hand waits, m, (N,), while it travels or turns."""
         far = ((beside.norm(dim=-1) - 0.03) / 0.05).clamp(0.0, 1.0)
         travels = (self._travel_height(state) - HOVER) * far
         turns = 0.1 * (turn.norm(dim=-1) / 0.5).clamp_max(1.0)
-        return HOVER + torch.where(scene.retreat[:, 2] > 0.99, travels, turns)
+        return torch.where(scene.retreat[:, 2] > 0.99, travels, turns)
 
     def _travel_height(self, state: TensorDict) -> Tensor:
         return self.task.tables.travel_height[self.task.tables.step_index(state["subtask"])]
