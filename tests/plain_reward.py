@@ -43,13 +43,13 @@ def init_eef(scene: Scene, start_tip: Tensor) -> Tensor:
 
 
 def move_eef_above_leg(scene: Scene) -> Tensor:
-    """Potential (N,) of phase 1: the tip to a point above the grasp point."""
-    return 100.0 * _norm(scene.tip - _raised(scene.grasp_point, ABOVE)).clamp_max(1.0)
+    """Potential (N,) of phase 1: the tip to a point above the grasp point, or behind it."""
+    return 100.0 * _norm(scene.tip - _moved(scene.grasp_point, ABOVE, scene.retreat)).clamp_max(1.0)
 
 
 def lower_eef(scene: Scene) -> Tensor:
     """Potential (N,) of phases 2 and 3: the tip to a point below the grasp point."""
-    return 1000.0 * _norm(scene.tip - _raised(scene.grasp_point, -BELOW)).clamp_max(0.2)
+    return 1000.0 * _norm(scene.tip - _moved(scene.grasp_point, -BELOW, scene.retreat)).clamp_max(0.2)
 
 
 def lift_leg(scene: Scene, lift_point: Tensor) -> Tensor:
@@ -64,7 +64,7 @@ def align_leg(alignment: Alignment, lift_distance: Tensor) -> Tensor:
 
 
 def move_leg(scene: Scene, z_finedist: float) -> Tensor:
-    """Potential (N,) of phase 6: the connector to a point above its target."""
+    """Potential (N,) of phase 6: the connector to a point above its target, or before it along its axis."""
     cosines = scene.alignment.up_cosine.clamp_min(0) + scene.alignment.forward_cosine.clamp_min(0)
     return 300.0 * _fine_distance(scene, z_finedist).clamp_max(0.5) - 50.0 * cosines
 
@@ -88,15 +88,17 @@ def conditions(
     connected: Tensor,
 ) -> Tensor:
     """Whether each phase's condition holds, (N, 8) bool."""
-    to_lower = scene.tip - _raised(scene.grasp_point, -BELOW)
+    to_lower = scene.tip - _moved(scene.grasp_point, -BELOW, scene.retreat)
     to_lift = scene.part - lift_point
     upright = (scene.alignment.up_cosine > 0.85) & (scene.alignment.forward_cosine > 0.85) & scene.touching
     down = (scene.approach * scene.grip_direction).sum(-1) > MIN_GRIP_COSINE
     gripping = down & ((scene.closing * scene.grasp_axis).sum(-1).abs() > MIN_GRIP_COSINE)
     at_start = _norm(scene.tip - start_tip) < 0.03
-    above = _norm(scene.tip - _raised(scene.grasp_point, ABOVE)) < 0.03
-    lowered = (_norm(to_lower[:, :2]) < 0.02) & (to_lower[:, 2].abs() < 0.015)
-    held = scene.touching & (scene.tip[:, 2] < scene.grasp_point[:, 2])
+    above = _norm(scene.tip - _moved(scene.grasp_point, ABOVE, scene.retreat)) < 0.03
+    depth = (to_lower * scene.retreat).sum(-1, keepdim=True)
+    beside = _norm(to_lower - depth * scene.retreat)
+    lowered = (beside < 0.02) & (depth.squeeze(-1).abs() < 0.015)
+    held = scene.touching & (((scene.tip - scene.grasp_point) * scene.retreat).sum(-1) < 0)
     lifted = (to_lift[:, 2].abs() < 0.02) & (_norm(to_lift[:, :2]) < 0.05)
     return torch.stack(
         [
@@ -126,11 +128,11 @@ def grip_penalty(scene: Scene, phase: Tensor) -> Tensor:
 
 
 def _fine_distance(scene: Scene, z_finedist: float) -> Tensor:
-    return _norm(scene.moving_connector - _raised(scene.target_connector, z_finedist))
+    return _norm(scene.moving_connector - _moved(scene.target_connector, z_finedist, scene.way_out))
 
 
-def _raised(point: Tensor, height: float) -> Tensor:
-    return torch.cat([point[..., :2], point[..., 2:] + height], dim=-1)
+def _moved(point: Tensor, by: float, direction: Tensor) -> Tensor:
+    return point + by * direction
 
 
 def reward(task: Assembly, before, scene: Scene, action: Tensor, connected: Tensor) -> Tensor:

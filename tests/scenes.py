@@ -13,7 +13,7 @@ Z_FINEDIST, RISE = 0.05, 0.1
 NAMES = {
     "tip": "hand.origin", "approach": "hand.z", "closing": "hand.y", "part": "moving.origin",
     "grasp_point": "moving.grasp_point", "grasp_axis": "moving.grasp_axis", "moving_connector": "moving.connector",
-    "target_connector": "target.connector",
+    "target_connector": "target.connector", "way_out": "target.way_out",
 }  # fmt: skip
 
 
@@ -44,6 +44,7 @@ def scene(alignment: Alignment = FAR, touching: Tensor = NO, **changed: Tensor) 
         "grasp_point": row(*GRASP), "grasp_axis": row(1, 0, 0), "grip_direction": row(0, 0, -1),
         "moving_connector": row(0, 0, 0.3), "target_connector": row(0, 0, 0.1), "start_tip": row(*START),
         "lift_point": row(*LIFT), "start_target": row(0, 0, 0.1),
+        "retreat": row(0, 0, 1), "way_out": row(0, 0, 1), "up": row(0, 0, 1),
     }  # fmt: skip
     for name, value in {**base, **changed}.items():
         vectors[:, VECTORS[NAMES.get(name, name)]] = value.t()

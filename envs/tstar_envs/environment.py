@@ -14,7 +14,7 @@ from torch import Tensor
 
 from tstar_envs.checks import whole_number
 from tstar_envs.experts.assembler import Assembler
-from tstar_envs.furniture import library
+from tstar_envs.furniture import Furniture, library
 from tstar_envs.look import build_drawn_model
 from tstar_envs.physics.masks import write
 from tstar_envs.physics.simulators import make_physics
@@ -38,7 +38,7 @@ class BatchedEnvironment:
     reset; the others do not notice. One that fails while an episode's start settles is counted too, and drawn again.
 
     Args:
-        name: furniture, e.g. `table_lack`.
+        name: furniture, e.g. `table_lack`, or a piece that is not in the library.
         num_sims: how many simulations.
         subtask: step of the recipe, 0-based, or None for the whole task.
         nthread: threads that step the simulations, 0 for all cores. Results do not depend on it.
@@ -50,11 +50,12 @@ class BatchedEnvironment:
     """
 
     def __init__(
-        self, name: str, num_sims: int = 1, subtask: int | None = None, nthread: int = 0, seed: int | None = None,
-        settings: TaskSettings | Mapping[str, Any] | None = None, device: str | torch.device = "cpu",
-        physics: str | PhysicsView | None = None,
+        self, name: str | Furniture, num_sims: int = 1, subtask: int | None = None, nthread: int = 0,
+        seed: int | None = None, settings: TaskSettings | Mapping[str, Any] | None = None,
+        device: str | torch.device = "cpu", physics: str | PhysicsView | None = None,
     ):  # fmt: skip
-        self.name, self.furniture = name, library.load(name)
+        self.furniture = name if isinstance(name, Furniture) else library.load(name)
+        self.name = name = self.furniture.name
         numbered = isinstance(subtask, int) and not isinstance(subtask, bool)
         if subtask is not None and not (numbered and 0 <= subtask < len(self.furniture.steps)):
             raise ValueError(

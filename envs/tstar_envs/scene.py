@@ -10,12 +10,18 @@ from __future__ import annotations
 import mujoco
 
 from tstar_envs.furniture.schema import Furniture, Part
+from tstar_envs.furniture.shapes import Box, Capsule, Cylinder
 from tstar_envs.robots import sawyer
 
 TIMESTEP = 0.01
 SUBSTEPS = 10
 """10 physics steps of 10 ms a control step: 10 Hz control (docs/decisions/0005-physics.md)."""
 
+_GEOM_TYPES = {
+    Box: mujoco.mjtGeom.mjGEOM_BOX,
+    Cylinder: mujoco.mjtGeom.mjGEOM_CYLINDER,
+    Capsule: mujoco.mjtGeom.mjGEOM_CAPSULE,
+}
 _PART_COLOURS = ((0.85, 0.65, 0.4, 1), (0.4, 0.6, 0.8, 1), (0.5, 0.75, 0.45, 1), (0.8, 0.5, 0.55, 1))
 _TARGET_COLOUR = (0.93, 0.9, 0.84, 1)
 
@@ -66,9 +72,9 @@ def _set_options(spec: mujoco.MjSpec) -> None:
 def _add_part(spec: mujoco.MjSpec, part: Part, colour: tuple[float, ...], impedance: float | None) -> None:
     body = spec.worldbody.add_body(name=part.name, pos=part.initial_pose[:3], quat=part.initial_pose[3:])
     body.add_joint(name=part.name, type=mujoco.mjtJoint.mjJNT_FREE, damping=1e-4)
-    for box in part.boxes:
+    for shape in part.shapes:
         geom = body.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_BOX, size=box.size, pos=box.pos, quat=box.quat, density=part.density,
+            type=_GEOM_TYPES[type(shape)], size=shape.size, pos=shape.pos, quat=shape.quat, density=part.density,
             contype=sawyer.PART_BIT, conaffinity=sawyer.PART_BIT | sawyer.WORLD_BIT, friction=(0.8, 0.005, 0.0001),
             rgba=colour,
         )  # fmt: skip

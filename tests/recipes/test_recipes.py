@@ -41,6 +41,19 @@ def test_the_script_is_evaluated_as_policies_are(tmp_path):
 
 
 @pytest.mark.slow
+def test_the_shelf_is_evaluated_into_one_table(tmp_path):
+    values = ["evaluation.episodes=4", "evaluation.whole_episodes=4", *places(tmp_path, "a")]
+    for task in ("chair_bernhard", "table_lack", "chair_bernhard"):
+        done = run("evaluate_shelf", f"tasks=[{task}]", "env.velocity_scale=0.4", *values)
+        assert done.returncode == 0, done.stderr
+    table = pd.read_csv(tmp_path / "a" / "results" / "shelf" / "scripted.csv")
+    assert table.groupby("task").subtask.apply(list).to_dict() == {
+        "chair_bernhard": ["0", "1", "whole"], "table_lack": ["0", "1", "2", "3", "whole"]
+    }  # fmt: skip
+    assert (table.episodes == 4).all() and (table.success >= 0.75).all()
+
+
+@pytest.mark.slow
 def test_baselines_of_the_whole_task_are_made_and_evaluated_once(tmp_path):
     small = ["demonstrations.episodes=4", "demonstrations.num_envs=8", "bc.epochs=1", "ppo.epochs=1"]
     small += ["training.num_envs=8", "training.total_steps=1024", "training.max_steps=25"]

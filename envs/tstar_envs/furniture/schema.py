@@ -8,29 +8,19 @@ Source: docs/task.md, "Scene" and "Connection".
 
 from __future__ import annotations
 
-import difflib
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 
-Vec3 = tuple[float, float, float]
-Quat = tuple[float, float, float, float]
+from tstar_envs.furniture.errors import FurnitureError, did_you_mean
+from tstar_envs.furniture.shapes import IDENTITY, Box, Capsule, Cylinder, Quat, Shape, Vec3
+
 Pose = tuple[float, float, float, float, float, float, float]
 
-IDENTITY: Quat = (1.0, 0.0, 0.0, 0.0)
-
-
-class FurnitureError(ValueError):
-    """A piece of furniture is unknown, or its file says something that cannot be."""
-
-
-@dataclass(frozen=True)
-class Box:
-    """One collision box: half-sizes, and its place in the part's frame."""
-
-    size: Vec3
-    pos: Vec3 = (0.0, 0.0, 0.0)
-    quat: Quat = IDENTITY
+DOWN: Vec3 = (0.0, 0.0, -1.0)
+ANY_TURN = tuple(math.radians(degrees) for degrees in range(0, 360, 10))
+"""`allowed_degrees: any`: at most 5 degrees off one of these, a connector counts as forward-aligned."""
+GRASP_FROM = ("above", "back")
+APPROACHES = ("above", "axis")
 
 
 @dataclass(frozen=True)
@@ -48,6 +38,11 @@ class Connector:
     mates_with: str
     quat: Quat = IDENTITY
     allowed_angles: tuple[float, ...] = (0.0,)
+
+    @property
+    def turns_freely(self) -> bool:
+        """Whether a round part fits however it is turned."""
+        return self.allowed_angles == ANY_TURN
 
 
 @dataclass(frozen=True)
@@ -68,6 +63,13 @@ class Part:
     density: float
     connectors: tuple[Connector, ...] = ()
     grasps: tuple[Grasp, ...] = ()
+    cylinders: tuple[Cylinder, ...] = ()
+    capsules: tuple[Capsule, ...] = ()
+
+    @property
+    def shapes(self) -> tuple[Shape, ...]:
+        """What the part collides with."""
+        return (*self.boxes, *self.cylinders, *self.capsules)
 
     def connector(self, name: str) -> Connector:
         """Returns the connector of that name. Raises: FurnitureError if there is none."""
@@ -82,7 +84,16 @@ class Step:
         angle: which of the allowed rotations the assembly's drawing names, rad about the connectors' up axis.
         waypoint: where to lift the part, (dx, dy, dz) from where it lay, m.
         grasp_index: which of the moving part's grasps to take.
-        grip_angle: the hand's approach direction in the world while it grasps.
+        grip_angle: the hand's approach direction in the world while it grasps, a unit vector.
+        grasp_from: where the hand waits before it grasps: `above` the grasp point, or `back` along `grip_angle`, as it
+            must where a standing part is taken from the side.
+        travel_height: height over the grasp point at which the hand comes there, m: over what stands in between.
+        turn_height: height of the part's own middle above the floor, m, below which it cannot be turned; 0 where its
+            connector's distance from that middle is what needs room.
+        approach: how the moving connector comes to the target's: from straight `above`, or along their `axis`.
+        insertion: length of the last stretch of that way, m, on which the part is inside the target or between its
+            neighbours, so that it can only go straight.
+        clearance: sideways play on that stretch, m.
     """
 
     moving_part: str
@@ -92,7 +103,13 @@ class Step:
     angle: float
     waypoint: Vec3
     grasp_index: int = 0
-    grip_angle: Vec3 = (0.0, 0.0, -1.0)
+    grip_angle: Vec3 = DOWN
+    grasp_from: str = "above"
+    travel_height: float = 0.06
+    turn_height: float = 0.0
+    approach: str = "above"
+    insertion: float = 0.0
+    clearance: float = 0.015
 
 
 @dataclass(frozen=True)
@@ -152,13 +169,6 @@ class Furniture:
         return self.part(self.steps[step].moving_part).grasps[self.steps[step].grasp_index]
 
 
-def did_you_mean(got: str, valid: Iterable[str]) -> str:
-    """Returns the tail of an error message: the nearest valid name, if one is near, and all of them."""
-    valid = sorted(valid)
-    near = difflib.get_close_matches(got, valid, n=1)
-    return (f"did you mean {near[0]!r}? " if near else "") + f"valid: {', '.join(map(repr, valid)) or 'none'}"
-
-
 def _find(items, name: str, what: str):
     for item in items:
         if item.name == name:
@@ -187,6 +197,8 @@ def _check_step(furniture: Furniture, step: Step, where: str) -> None:
             f"{where}: connector {moving.part}.{moving.name} ({moving.kind!r}, mates with {moving.mates_with!r}) "
             f"cannot join {target.part}.{target.name} ({target.kind!r}, mates with {target.mates_with!r})"
         )
+    if moving.part == target.part:
+        raise FurnitureError(f"{where}: joins part {moving.part!r} to itself, expected two parts")
     if not any(math.isclose(step.angle, angle, abs_tol=1e-6) for angle in moving.allowed_angles):
         allowed = ", ".join(f"{math.degrees(angle):g}" for angle in moving.allowed_angles)
         raise FurnitureError(

@@ -139,14 +139,21 @@ class EpisodeStarts:
             return pos, quat
         connector, goal = self.tables.moving_connector[step], self.tables.target_connector[step]
         shift, axis = self._uniform(3), torch.nn.functional.normalize(self._uniform(3), dim=-1)
-        half = math.radians(self.settings.jitter_degrees) / 2 * self._uniform(1)
+        aside, tilt = self._play(step)
+        half = tilt / 2 * self._uniform(1)
         quat = geometry.quat_mul(torch.cat([half.cos(), axis * half.sin()], dim=-1), quat)
         # The part comes from the side its body lies on: shift it back along the connectors' up axis only.
         back = -1.0 if float(geometry.up_axis(connector[3:]) @ connector[:3]) > 0 else 1.0
         away = MIN_CLEARANCE + self.settings.jitter * shift[:, 2:].abs()
-        offset = torch.cat([self.settings.jitter * shift[:, :2], back * away], dim=-1)
+        offset = torch.cat([aside * shift[:, :2], back * away], dim=-1)
         point = goal[:3] + geometry.quat_rotate(goal[3:].expand(n, 4), offset)
         return point - geometry.quat_rotate(quat, connector[:3].expand(n, 3)), quat
+
+    def _play(self, step: int) -> tuple[float, float]:
+        """How far aside, m, and how tilted, rad, a jittered part may sit: in a socket, half of the play there."""
+        aside, tilt = self.settings.jitter, math.radians(self.settings.jitter_degrees)
+        depth, play = float(self.tables.insertion[step]), float(self.tables.clearance[step]) / 2
+        return (min(aside, play), min(tilt, play / depth)) if depth > 0 else (aside, tilt)
 
     def _uniform(self, *shape: int) -> Tensor:
         """(N, *shape) in [-1, 1)."""

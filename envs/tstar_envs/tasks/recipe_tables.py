@@ -9,7 +9,7 @@ from torch import Tensor
 
 from tstar_envs import geometry
 from tstar_envs.connection import padded
-from tstar_envs.furniture.schema import Furniture
+from tstar_envs.furniture.schema import Furniture, Step
 
 
 class RecipeTables:
@@ -33,6 +33,17 @@ class RecipeTables:
         self.grasp_point = rows(grasp.point for grasp in grasps)
         self.grasp_axis = rows(grasp.axis for grasp in grasps)
         self.grip_direction = rows(step.grip_angle for step in furniture.steps)
+        self.retreat = rows(_retreat(step) for step in furniture.steps)
+        """(K, 3), world: the way from the grasp point to where the hand waits before it grasps."""
+        self.follows_axis = torch.tensor([[s.approach == "axis"] for s in furniture.steps], device=device)
+        """(K, 1): whether the moving connector comes along the target's axis, not from straight above."""
+        self.way_out = _way_out(self.moving_connector, self.target_frame)
+        """(K, 3), target part's frame: away from the target connector, where the moving one comes from."""
+        self.insertion = rows(step.insertion for step in furniture.steps)
+        self.clearance = rows(step.clearance for step in furniture.steps)
+        self.travel_height = rows(step.travel_height for step in furniture.steps)
+        self.turn_height = rows(step.turn_height for step in furniture.steps)
+        self.turns_freely = torch.tensor([moving.turns_freely for moving, _ in connectors], device=device)
         self.waypoint = rows(step.waypoint for step in furniture.steps)
         angles = rows(step.angle for step in furniture.steps)
         self.goal_quat = geometry.quat_mul(self.target_connector[:, 3:], geometry.yaw_quat(angles))
@@ -65,6 +76,33 @@ class RecipeTables:
             pos, quat = geometry.relative_pose(old[:, :3], old[:, 3:], poses[:, i, :3], poses[:, i, 3:])
             poses[:, i] = torch.cat(geometry.compose_pose(pose[:, :3], pose[:, 3:], pos, quat), dim=-1)
         return poses
+
+    def nominal_poses(self) -> Tensor:
+        """Part poses (K + 1, parts, 7), world, as each step begins and after the last: no noise, every step exact."""
+        poses = [self.initial_pose.unsqueeze(0)]
+        for k in range(self.num_steps):
+            target, ideal = poses[-1][:, self.target[k]], self.ideal_relative_pose(k)
+            pose = geometry.compose_pose(target[:, :3], target[:, 3:], ideal[:3], ideal[3:].unsqueeze(0))
+            poses.append(self.move_group(k, poses[-1], torch.cat(pose, dim=-1)))
+        return torch.cat(poses)
+
+    def approach_direction(self, step: Tensor, target_frame: Tensor) -> Tensor:
+        """(N, 3), world: from the target connector to where the moving one comes from, at steps (N,).
+
+        `target_frame` is (N, 3, 3), the target part's axes in the world.
+        """
+        along = (target_frame @ self.way_out[step].unsqueeze(-1)).squeeze(-1)
+        return torch.where(self.follows_axis[step], along, along.new_tensor([0.0, 0.0, 1.0]))
+
+
+def _retreat(step: Step) -> Sequence[float]:
+    return (0.0, 0.0, 1.0) if step.grasp_from == "above" else [-x for x in step.grip_angle]
+
+
+def _way_out(moving_connector: Tensor, target_frame: Tensor) -> Tensor:
+    """The target's up axis (K, 3), or its opposite: the side on which the body of the moving part comes to lie."""
+    beyond = (geometry.up_axis(moving_connector[:, 3:]) * moving_connector[:, :3]).sum(-1, keepdim=True)
+    return torch.where(beyond > 0, -target_frame[:, :, 2], target_frame[:, :, 2])
 
 
 def _part_indices(furniture: Furniture, names: list[str], device: torch.device) -> Tensor:

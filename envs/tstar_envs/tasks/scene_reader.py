@@ -76,6 +76,16 @@ class Scene(NamedTuple):
         return self.vector("grip_direction")
 
     @property
+    def retreat(self) -> Tensor:
+        """(N, 3), unit, from the grasp point to where the hand waits before it grasps."""
+        return self.vector("retreat")
+
+    @property
+    def way_out(self) -> Tensor:
+        """(N, 3), unit, from the target connector to where the moving one comes from."""
+        return self.vector("target.way_out")
+
+    @property
     def moving_connector(self) -> Tensor:
         """(N, 3)."""
         return self.vector("moving.connector")
@@ -136,8 +146,9 @@ class SceneReader:
         frames = self._turn(rows[9:21].view(4, 3, n))
         turned = (frames[:, :, :2].unsqueeze(3) * at.columns).sum(1)
         turned = torch.addcmul(turned, origins[:, :2].unsqueeze(2), at.is_point).flatten(1, 2)
+        turned[:, _WAY_OUT] += at.way_up
         hand = frames[:, 1:, 2]
-        return torch.cat([turned[:, :_NUM_TURNED], origins, hand, remembered, at.grip_direction], dim=1)
+        return torch.cat([turned, origins, hand, remembered, at.directions], dim=1)
 
 
 class _Turn:
@@ -177,11 +188,14 @@ class _AtSteps(NamedTuple):
     is_point: Tensor  # (2, rows, 1)
     turns: Tensor  # (2, R, N), see `Measures`
     group: Tensor  # (parts, N) bool, parts that move along
-    grip_direction: Tensor  # (3, 1, N)
+    directions: Tensor  # (3, 3, N), world: the last of `measures.VECTORS`, which the recipe asks for
+    way_up: (
+        Tensor  # (3, N), world: straight up where the way out does not turn with the target, zero elsewhere
+    )
     lying: Tensor  # (N,), m, how far over the lift point a part is that is just raised: less than 0
 
 
-_NUM_TURNED = sum(len(rows) for rows in TURNED.values())
+_WAY_OUT = VECTORS["target.way_out"]
 
 
 def _at_steps(tables: RecipeTables, subtask: Tensor) -> _AtSteps:
@@ -193,25 +207,27 @@ def _at_steps(tables: RecipeTables, subtask: Tensor) -> _AtSteps:
     points = hand + 7 + torch.arange(9, device=step.device).view(3, 3).t().reshape(1, -1)
     places = torch.cat([frames, points.expand(len(step), -1)], dim=-1)
     turns = torch.stack([tables.allowed_angles.cos(), -tables.allowed_angles.sin()])
+    up = tables.retreat.new_tensor([0.0, 0.0, 1.0]).expand(len(step), 3)
+    directions = torch.stack([tables.grip_direction[step], tables.retreat[step], up], dim=1)
     return _AtSteps(
         subtask, places, _columns(tables)[..., step], _is_point(step.device),
         turns[:, step].transpose(1, 2).contiguous(),
-        tables.group[step].t().contiguous(), tables.grip_direction[step].t().unsqueeze(1).contiguous(),
-        OFF_GROUND - tables.waypoint[step, 2],
+        tables.group[step].t().contiguous(), directions.permute(2, 1, 0).contiguous(),
+        (up * ~tables.follows_axis[step]).t().contiguous(), OFF_GROUND - tables.waypoint[step, 2],
     )  # fmt: skip
 
 
 def _columns(tables: RecipeTables) -> Tensor:
-    """(3, 2, rows, K): see `measures.TURNED`; the target's rows are filled up with nothing."""
+    """(3, 2, rows, K): see `measures.TURNED`; a way out that does not turn with the target is zero here."""
     moving, target = tables.moving_frame.permute(1, 2, 0), tables.target_frame.permute(1, 2, 0)
     out = moving.new_zeros(3, 2, len(TURNED["moving"]), tables.num_steps)
     out[:, 0, 0], out[:, 0, 1:3] = tables.moving_connector[:, :3].t(), moving[:, 1:]
     out[:, 0, 3], out[:, 0, 4] = tables.grasp_point.t(), tables.grasp_axis.t()
     out[:, 1, 0], out[:, 1, 1:4] = tables.target_connector[:, :3].t(), target
+    out[:, 1, 4] = (tables.way_out * tables.follows_axis).t()
     return out
 
 
 def _is_point(device: torch.device) -> Tensor:
     rows = [[float(row in POINTS) for row in frame] for frame in TURNED.values()]
-    rows[1] += [0.0] * (len(rows[0]) - len(rows[1]))
     return torch.tensor(rows, dtype=torch.float64, device=device).unsqueeze(-1)

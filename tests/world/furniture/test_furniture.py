@@ -3,12 +3,16 @@
 import dataclasses
 import math
 
+import mujoco
 import pytest
+import torch
 import yaml
 
-from tstar_envs import furniture
+from tstar_envs import furniture, geometry
+from tstar_envs.connection import align
 from tstar_envs.furniture import FurnitureError
 from tstar_envs.furniture.library import DATA, read
+from tstar_envs.scene import build_model
 
 CHAIR = """
 z_finedist: 0.1
@@ -97,6 +101,54 @@ def test_a_chair_fits_the_same_schema(chair):
     assert piece.grasp_of(0).point == pytest.approx((0, 0.06, -0.01))
 
 
+def test_cylinders_and_capsules_stand_beside_boxes(chair):
+    capsule = {"radius": 0.01, "half_length": 0.05, "pos": [0, 0, 0.1], "quat": [0, 1, 0, 0]}
+    round_shapes = {"cylinders": [{"radius": 0.02, "half_length": 0.1}], "capsules": [capsule]}
+    part = chair(lambda d: d["parts"]["side"].update(round_shapes)).part("side")
+    assert [type(shape).__name__ for shape in part.shapes] == ["Box", "Cylinder", "Capsule"]
+    assert [shape.size for shape in part.shapes[1:]] == [(0.02, 0.1, 0), (0.01, 0.05, 0)]
+    assert part.shapes[2].pos == (0, 0, 0.1)
+
+
+def test_a_part_may_be_a_cylinder_alone(chair):
+    def make_round(data):
+        del data["parts"]["seat"]["boxes"]
+        data["parts"]["seat"]["cylinders"] = [{"radius": 0.1, "half_length": 0.003}]
+
+    model = build_model(chair(make_round))
+    geom = model.geom(model.body("seat").geomadr[0])
+    assert geom.type == mujoco.mjtGeom.mjGEOM_CYLINDER and geom.size[:2] == pytest.approx([0.1, 0.003])
+    assert model.body("seat").mass[0] == pytest.approx(50 * math.pi * 0.1**2 * 0.006)
+
+
+def test_a_round_connector_fits_at_any_turn(chair):
+    piece = chair(lambda d: _set(d, "parts", "side", "connectors", "seat", "allowed_degrees", "any"))
+    connector = piece.part("side").connector("seat")
+    assert connector.turns_freely and not piece.part("seat").connector("left").turns_freely
+    angles = torch.tensor([connector.allowed_angles], dtype=torch.float64)
+    still, turned = (
+        torch.eye(3, dtype=torch.float64)[None],
+        geometry.yaw_quat(torch.tensor([0.7], dtype=torch.float64)),
+    )
+    point = torch.zeros(1, 3, dtype=torch.float64)
+    assert align(point, geometry.quat_to_matrix(turned), point, still, angles).aligned.all()
+
+
+def test_how_a_step_is_made(chair):
+    step = chair().steps[0]
+    assert (step.grasp_from, step.approach, step.insertion, step.turn_height) == ("above", "above", 0, 0)
+    said = {
+        "grasp_from": "back",
+        "approach": "axis",
+        "insertion": 0.05,
+        "clearance": 0.01,
+        "travel_height": 0.1,
+    }
+    step = chair(lambda d: d["steps"][0].update(said, grip_angle=[0, -1, 0], turn_height=0.3)).steps[0]
+    assert {name: getattr(step, name) for name in said} == said
+    assert step.grip_angle == (0, -1, 0) and step.turn_height == 0.3
+
+
 def test_quaternions_are_normalised():
     for name in furniture.names():
         for part in furniture.load(name).parts:
@@ -181,6 +233,63 @@ def _set(data, *path_and_value):
         ),
         (lambda d: _set(d, "no_contact", [["seat"]]), r"no_contact\[0\]: got \['seat'\], expected two"),
         (lambda d: _set(d, "no_contact", "seat"), r"no_contact: got 'seat', expected a list of lists"),
+        (
+            lambda d: _set(d, "parts", "side", "connectors", "seat", "pos", [0, 0, 1e9]),
+            r"parts.side.connectors.seat.pos: got \[0.0, 0.0, 1000000000.0\], expected lengths in m, none beyond 2",
+        ),
+        (
+            lambda d: _set(d, "parts", "side", "initial_pose", [5, 0, 0, 1, 0, 0, 0]),
+            r"parts.side.initial_pose: got \[5.0, 0.0, 0.0\], expected lengths in m, none beyond 2",
+        ),
+        (
+            lambda d: _set(d, "parts", "seat", "boxes", 0, "size", [3, 1, 1]),
+            r"parts.seat.boxes\[0\].size: got \[3.0, 1.0, 1.0\], expected sizes in m from 0.0001 to 2",
+        ),
+        (
+            lambda d: _set(d, "parts", "seat", "density", 1e6),
+            r"parts.seat.density: got 1e\+06, expected a number of at most 20000",
+        ),
+        (
+            lambda d: _set(d, "parts", "seat", "cylinders", [{"radius": 0, "half_length": 1}]),
+            r"parts.seat.cylinders\[0\].radius: got 0.0, expected sizes in m",
+        ),
+        (
+            lambda d: _set(d, "parts", "seat", "capsules", [{"radius": 0.1, "length": 1}]),
+            r"parts.seat.capsules\[0\].half_length: is missing",
+        ),
+        (
+            lambda d: _set(d, "parts", "side", "connectors", "seat", "allowed_degrees", "all"),
+            r"parts.side.connectors.seat.allowed_degrees: got 'all', expected a list of numbers",
+        ),
+        (
+            lambda d: _set(d, "steps", 0, "grip_angle", [0, 0, -2]),
+            r"steps\[0\].grip_angle: got \[0.0, 0.0, -2.0\] of length 2.000",
+        ),
+        (
+            lambda d: _set(d, "steps", 0, "grasp_from", "abov"),
+            r"steps\[0\].grasp_from: got 'abov', did you mean 'above'\? valid: 'above', 'back'",
+        ),
+        (
+            lambda d: _set(d, "steps", 0, "approach", "side"),
+            r"steps\[0\].approach: got 'side', valid: 'above', 'axis'",
+        ),
+        (
+            lambda d: _set(d, "steps", 0, "insertion", -0.1),
+            r"steps\[0\].insertion: got -0.1, expected a number from 0",
+        ),
+        (
+            lambda d: _set(d, "steps", 0, "clearance", 0),
+            r"steps\[0\].clearance: got 0, expected a positive number",
+        ),
+        (
+            lambda d: _set(d, "steps", 0, "travel_height", 0.01),
+            r"steps\[0\].travel_height: got 0.01, .* from 0.06",
+        ),
+        (lambda d: _set(d, "steps", 0, "turn_height", 9), r"steps\[0\].turn_height: got 9, .* from 0 to 1"),
+        (
+            lambda d: _set(d, "steps", 0, "target_part", "side"),
+            r"steps\[0\]: no connector of part 'side' is called 'left'",
+        ),
         (lambda d: _set(d, "weld_impedance", 1), r"weld_impedance: got 1, expected a number between 0 and 1"),
     ],
 )

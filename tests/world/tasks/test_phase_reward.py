@@ -4,7 +4,7 @@ import math
 
 import pytest
 import torch
-from scenes import NO, OPEN, alignment, measured, row, scene
+from scenes import GRASP, NO, OPEN, alignment, measured, row, scene
 from torch import Tensor
 from torch.testing import assert_close
 
@@ -80,6 +80,7 @@ def test_what_is_measured_between_connectors():
         "moving.y": (0, half, root), "moving.z": (0, -root, half), "target.x": (1, 0, 0),
         "target.y": (0, 1, 0), "target.z": (0, 0, 1), "target.connector": (0, 0.03, 0.04), "start_target": (0, 0.03, 0),
         "hand.origin": (0, 0, -0.02), "hand.y": (0, -1, 0), "moving.grasp_axis": (0, 0.6, 0.8),
+        "retreat": (0, 0, 1), "target.way_out": (0, 0, 1), "up": (0, 0, 1),
     }  # fmt: skip
     for name, value in named.items():
         vectors[:, VECTORS[name]] = row(*value).t()
@@ -128,3 +129,30 @@ def test_conditions_of_holding():
     assert not met("move_leg", alignment=upright, touching=OPEN, moving_connector=away)
     assert not met("move_leg", alignment=leaning, touching=OPEN, moving_connector=over)
     assert met("move_leg_fine", connected=OPEN) and not met("move_leg_fine")
+
+
+def test_a_part_taken_from_the_side_is_waited_for_behind_it():
+    x, y, z = GRASP
+    side = {"retreat": row(0, 1, 0), "grip_direction": row(0, -1, 0), "approach": row(0, -1, 0)}
+    assert_close(potential("move_eef_above_leg", tip=row(x, y + 0.05, z), **side), 0.0)
+    assert_close(potential("move_eef_above_leg", tip=row(x, y, z + 0.12), **side), 100 * 0.13)
+    for phase in ("lower_eef", "grasp_leg"):
+        assert_close(potential(phase, tip=row(x, y - 0.015, z), **side), 0.0)
+    assert met("move_eef_above_leg", tip=row(x, y + 0.021, z), **side)
+    assert not met("move_eef_above_leg", tip=row(x, y, z + 0.05), **side)
+    assert met("lower_eef", tip=row(x, y - 0.001, z + 0.019), **side)
+    assert not met("lower_eef", tip=row(x, y - 0.001, z + 0.021), **side)
+    assert not met("lower_eef", tip=row(x, y + 0.001, z + 0.019), **side)
+    holds = {**side, "touching": OPEN}
+    assert met("grasp_leg", tip=row(x, y - 0.01, z + 0.01), **holds)
+    assert not met("grasp_leg", tip=row(x, y + 0.01, z - 0.01), **holds)
+
+
+def test_a_connector_that_comes_along_an_axis_is_brought_before_its_target():
+    slope = row(0.6, 0, 0.8)
+    before = row(0, 0, 0.1) + 0.05 * slope
+    assert_close(potential("move_leg", moving_connector=before, way_out=slope), -100.0)
+    assert_close(potential("move_leg", moving_connector=before), 300 * math.hypot(0.03, 0.01) - 100)
+    away = row(0, 0, 0.1) - 0.011 * slope  # 61 mm off
+    assert met("move_leg", moving_connector=before, way_out=slope, touching=OPEN)
+    assert not met("move_leg", moving_connector=away, way_out=slope, touching=OPEN)

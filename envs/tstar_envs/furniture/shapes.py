@@ -1,0 +1,45 @@
+"""The shapes that parts are made of: boxes, cylinders and capsules, each placed in its part's frame.
+
+Lengths in m, quaternions (w, x, y, z). A cylinder or capsule stands along its own z axis.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+Vec3 = tuple[float, float, float]
+Quat = tuple[float, float, float, float]
+
+IDENTITY: Quat = (1.0, 0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Box:
+    """One collision box: half-sizes, and its place in the part's frame."""
+
+    size: Vec3
+    pos: Vec3 = (0.0, 0.0, 0.0)
+    quat: Quat = IDENTITY
+
+
+@dataclass(frozen=True)
+class Cylinder:
+    """A cylinder with flat ends, `2 * half_length` long."""
+
+    radius: float
+    half_length: float
+    pos: Vec3 = (0.0, 0.0, 0.0)
+    quat: Quat = IDENTITY
+
+    @property
+    def size(self) -> Vec3:
+        """MuJoCo's sizes: radius, half-length, unused."""
+        return (self.radius, self.half_length, 0.0)
+
+
+@dataclass(frozen=True)
+class Capsule(Cylinder):
+    """A cylinder with round ends: `2 * (half_length + radius)` long from tip to tip."""
+
+
+Shape = Box | Cylinder

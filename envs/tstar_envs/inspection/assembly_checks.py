@@ -1,0 +1,181 @@
+"""Checks of the steps of a piece: what the fingers find, where the arm must reach, what is in a part's way."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import torch
+
+from tstar_envs import geometry
+from tstar_envs.inspection.reach import shortfall
+from tstar_envs.inspection.workshop import Workshop
+
+WIDEST, NARROWEST, FIRM = 0.079, 0.0145, 0.0175
+"""m: between the pads open and closed, and what they hold firmly: docs/decisions/0007-chair.md."""
+INSIDE, ON_THE_WAY = 0.0005, 0.002
+"""m: how deep joined parts may be in each other, and how deep on the way there."""
+_LOOK_AHEAD = 0.03
+Found = Iterator[tuple[bool, str, str]]
+
+
+def assembly_findings(workshop: Workshop) -> Found:
+    """Everything about the steps, in their order."""
+    for step in range(len(workshop.furniture.steps)):
+        yield from _grasp(workshop, step)
+        yield from _reach(workshop, step)
+        yield from _way_in(workshop, step)
+        yield from _values(workshop, step)
+
+
+def _grasp(workshop: Workshop, k: int) -> Found:
+    workshop.place(workshop.nominal[k])
+    step, where = workshop.furniture.steps[k], f"steps[{k}].grasp"
+    point, axis = _grasp_in_world(workshop, k)
+    surfaces = workshop.thickness(workshop.group(k), point, axis)
+    if surfaces is None:
+        yield True, where, f"nothing of {step.moving_part} is between the fingers there"
+        return
+    width = sum(surfaces)
+    if width > WIDEST or width < NARROWEST:
+        yield (
+            True,
+            where,
+            f"{step.moving_part} is {1000 * width:.0f} mm wide there, the fingers take "
+            f"{1000 * NARROWEST:.1f} to {1000 * WIDEST:.0f} mm",
+        )
+    elif width < FIRM:
+        yield (
+            False,
+            where,
+            f"{step.moving_part} is {1000 * width:.0f} mm wide there: below {1000 * FIRM:.0f} mm the pads "
+            f"hardly press",
+        )
+    if abs(surfaces[0] - surfaces[1]) > 0.01:
+        off = 500 * abs(surfaces[0] - surfaces[1])
+        yield (
+            False,
+            where,
+            f"its middle is {off:.0f} mm off the middle of the part: one finger pushes it first",
+        )
+    tilt = abs(float(axis @ np.array(step.grip_angle)))
+    if tilt > 0.5:
+        yield (
+            True,
+            where,
+            "the fingers would close along the direction in which the hand comes: turn one of the two",
+        )
+
+
+def _reach(workshop: Workshop, k: int) -> Found:
+    """The hand where it grasps, and where it holds the part when the connectors meet, whichever way round is easier."""
+    step = workshop.furniture.steps[k]
+    point, axis = _grasp_in_world(workshop, k)
+    approach = np.array(step.grip_angle)
+    axis = axis - approach * (axis @ approach)
+    if np.linalg.norm(axis) < 0.1:
+        return
+    axis /= np.linalg.norm(axis)
+    moved = _motion(workshop, k)
+    least = [None, None]
+    for side in (1.0, -1.0):
+        hand = np.stack([np.cross(side * axis, approach), side * axis, approach], axis=1)
+        ends = (point, hand), (moved[:3, :3] @ point + moved[:3, 3], moved[:3, :3] @ hand)
+        for i, (tip, frame) in enumerate(ends):
+            found = shortfall(workshop.model, tip, frame)
+            if least[i] is None or found.distance + 0.1 * found.angle < least[i][0]:
+                least[i] = found.distance + 0.1 * found.angle, found
+    for which, what in zip(least, ("to grasp", "to join"), strict=True):
+        if which is not None and not which[1].reached:
+            off, angle = 1000 * which[1].distance, np.degrees(which[1].angle)
+            yield (
+                True,
+                f"steps[{k}]",
+                f"{what} {step.moving_part} the hand must be where the arm does not reach: it stays {off:.0f} mm and "
+                f"{angle:.0f} degrees off. Move the parts nearer to the robot's middle, or turn them",
+            )
+
+
+def _way_in(workshop: Workshop, k: int) -> Found:
+    """Whether the moving parts can be where they are joined, and come there in a straight line."""
+    step, names = workshop.furniture.steps[k], workshop.furniture.part_names
+    group = workshop.group(k)
+    others = [i for i in range(len(names)) if i not in group]
+    free = {frozenset(pair) for pair in workshop.furniture.no_contact}
+    pairs = [(i, j) for i in group for j in others if frozenset((names[i], names[j])) not in free]
+    after = workshop.nominal[k + 1]
+    workshop.place(after)
+    for i in group:
+        if workshop.lowest(i) < -INSIDE:
+            depth = -1000 * workshop.lowest(i)
+            yield True, f"steps[{k}]", f"{names[i]} is {depth:.0f} mm in the floor when the connectors meet"
+    inside = {(i, j): -workshop.gap(i, j) for i, j in pairs}
+    for (i, j), depth in inside.items():
+        if depth > INSIDE:
+            yield (
+                True,
+                f"steps[{k}]",
+                f"{names[i]} is {1000 * depth:.1f} mm inside {names[j]} when the connectors meet: leave a gap",
+            )
+    out = _way_out(workshop, k)
+    for back in np.arange(0.005, step.insertion + _LOOK_AHEAD, 0.005):
+        poses = after.copy()
+        poses[group, :3] += back * out
+        workshop.place(poses)
+        hits = [(i, j) for i, j in pairs if -workshop.gap(i, j) > max(ON_THE_WAY, inside[i, j])]
+        if hits:
+            i, j = hits[0]
+            yield (
+                True,
+                f"steps[{k}]",
+                f"{names[i]} would go through {names[j]} {1000 * back:.0f} mm before the connectors meet "
+                f"(approach: {step.approach})",
+            )
+            return
+
+
+def _values(workshop: Workshop, k: int) -> Found:
+    step, furniture = workshop.furniture.steps[k], workshop.furniture
+    masses = {i: workshop.mass(i) for i in workshop.group(k)}
+    moving = furniture.part_index(step.moving_part)
+    if sum(masses.values()) > 2.5 * masses[moving] and furniture.contact_impedance is None:
+        yield (
+            False,
+            "contact_impedance",
+            f"{step.moving_part} of {1000 * masses[moving]:.0f} g carries {1000 * sum(masses.values()):.0f} g in "
+            f"steps[{k}]: MuJoCo's own is too soft for that, see chair_ingolf.yaml",
+        )
+    if step.insertion > 0 and step.clearance < 0.006:
+        yield (
+            False,
+            f"steps[{k}].clearance",
+            f"{1000 * step.clearance:.0f} mm of play: the script misses less than 6 mm, a learned skill less than 10",
+        )
+    if not any(step.waypoint):
+        yield False, f"steps[{k}].waypoint", "the reward asks the hand to lift the part by nothing"
+
+
+def _grasp_in_world(workshop: Workshop, k: int) -> tuple[np.ndarray, np.ndarray]:
+    step, grasp = workshop.furniture.steps[k], workshop.furniture.grasp_of(k)
+    pose = workshop.nominal[k][workshop.furniture.part_index(step.moving_part)]
+    frame = _matrix(pose)
+    return frame[:3, :3] @ np.array(grasp.point) + frame[:3, 3], frame[:3, :3] @ np.array(grasp.axis)
+
+
+def _motion(workshop: Workshop, k: int) -> np.ndarray:
+    """The motion (4, 4) that takes the moving part from where it lies to where it is joined."""
+    part = workshop.furniture.part_index(workshop.furniture.steps[k].moving_part)
+    return _matrix(workshop.nominal[k + 1][part]) @ np.linalg.inv(_matrix(workshop.nominal[k][part]))
+
+
+def _way_out(workshop: Workshop, k: int) -> np.ndarray:
+    target = torch.as_tensor(workshop.nominal[k][int(workshop.tables.target[k]), 3:])
+    frame = geometry.quat_to_matrix(target).unsqueeze(0)
+    return workshop.tables.approach_direction(torch.tensor([k]), frame)[0].numpy()
+
+
+def _matrix(pose: np.ndarray) -> np.ndarray:
+    matrix = np.eye(4)
+    matrix[:3, :3] = geometry.quat_to_matrix(torch.as_tensor(pose[3:])).numpy()
+    matrix[:3, 3] = pose[:3]
+    return matrix

@@ -1,0 +1,112 @@
+"""What is wrong or doubtful about a piece of furniture, in plain words, without simulating it.
+
+*Wrong* is what cannot work: a part that starts inside another, a place that the arm does not reach, a grasp with
+nothing between the fingers. *Doubtful* is what often goes wrong: a thin part, a start that noise can spoil.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from tstar_envs.furniture.schema import Furniture
+from tstar_envs.inspection.assembly_checks import assembly_findings
+from tstar_envs.inspection.workshop import Workshop
+from tstar_envs.settings import TaskSettings
+
+LEAST_MASS, MOST_MASS = 0.0005, 5.0
+"""kg. Lighter parts shiver in the grip, heavier ones slip out of it."""
+LARGE = 1.0
+"""m: a part longer than that hardly finds room before the robot."""
+FLOATS = 0.03
+"""m: a connector further from its part's surface joins parts that do not touch."""
+IN_FLOOR, ABOVE_FLOOR = 0.003, 0.03
+"""m: how deep in the floor, and how high above it, a part may start."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing to look at: `where` in the file, and what about it; `wrong` where it cannot work as it is."""
+
+    wrong: bool
+    where: str
+    text: str
+
+    def __str__(self) -> str:
+        return f"{'WRONG   ' if self.wrong else 'doubtful'}  {self.where}: {self.text}"
+
+
+def inspect(furniture: Furniture) -> list[Finding]:
+    """Everything that is wrong or doubtful about a piece, wrong things first."""
+    workshop = Workshop(furniture)
+    found = [Finding(*each) for check in _CHECKS for each in check(workshop)]
+    return sorted(found, key=lambda finding: not finding.wrong)
+
+
+def _sizes(workshop: Workshop) -> Iterator[tuple[bool, str, str]]:
+    for i, part in enumerate(workshop.furniture.parts):
+        mass, where = workshop.mass(i), f"parts.{part.name}"
+        if not LEAST_MASS <= mass <= MOST_MASS:
+            yield (
+                mass > MOST_MASS,
+                f"{where}.density",
+                f"the part weighs {1000 * mass:.3g} g, the hand holds {1000 * LEAST_MASS:g} g to {MOST_MASS:g} kg well",
+            )
+        extent = max(2 * max(shape.size) for shape in part.shapes)
+        if extent > LARGE:
+            yield False, where, f"it has a shape {extent:.2f} m long, the arm reaches about 0.9 m"
+        for connector in part.connectors:
+            off = workshop.off_surface(i, np.array(connector.pos))
+            if off > FLOATS:
+                yield (
+                    off > 0.2,
+                    f"{where}.connectors.{connector.name}.pos",
+                    f"it floats {1000 * off:.0f} mm off the part's surface: the joined parts would not touch",
+                )
+
+
+def _unused(workshop: Workshop) -> Iterator[tuple[bool, str, str]]:
+    steps = workshop.furniture.steps
+    used = {name for step in steps for name in (step.moving_part, step.target_part)}
+    for part in workshop.furniture.parts:
+        if part.name not in used:
+            yield False, f"parts.{part.name}", "no step joins it to anything"
+    for i, step in enumerate(steps):
+        if workshop.furniture.part_index(step.target_part) in workshop.group(i):
+            yield (
+                True,
+                f"steps[{i}]",
+                f"{step.moving_part} and {step.target_part} are one piece by then, joined by the steps before",
+            )
+
+
+def _starts(workshop: Workshop) -> Iterator[tuple[bool, str, str]]:
+    """Where parts lie at the start: in the floor, in each other, under the hand."""
+    workshop.place(workshop.nominal[0])
+    names, noise = workshop.furniture.part_names, 2 * TaskSettings.part_noise
+    for i, name in enumerate(names):
+        lowest, where = workshop.lowest(i), f"parts.{name}.initial_pose"
+        if lowest < -IN_FLOOR:
+            yield True, where, f"it starts {-1000 * lowest:.0f} mm in the floor: raise z by as much"
+        if lowest > ABOVE_FLOOR:
+            yield False, where, f"it starts {1000 * lowest:.0f} mm above the floor, and falls"
+        gap = workshop.gap_to_hand(i)
+        if gap < TaskSettings.part_noise:
+            yield gap < 0, where, f"it starts {1000 * gap:.0f} mm from the hand at home: move it away"
+    for i, j in combinations(range(len(names)), 2):
+        gap, where = workshop.gap(i, j), f"parts.{names[j]}.initial_pose"
+        if gap < 0:
+            yield True, where, f"it starts {-1000 * gap:.0f} mm inside {names[i]}"
+        elif gap < noise:
+            yield (
+                False,
+                where,
+                f"{1000 * gap:.0f} mm from {names[i]}: start noise moves each of them by up to "
+                f"{1000 * TaskSettings.part_noise:.0f} mm",
+            )
+
+
+_CHECKS = (_sizes, _unused, _starts, assembly_findings)

@@ -1,0 +1,69 @@
+"""The scripted assembler on a piece: how often each step works, and in plain words how it fails."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from tstar_envs.environment import BatchedEnvironment
+from tstar_envs.furniture.schema import Furniture
+
+SPEED = 0.4
+"""Velocity scale of a trial, as skills are trained at on a small machine."""
+
+
+class Trial(NamedTuple):
+    """What became of the episodes of one step, or (`step` None) of the whole piece."""
+
+    step: int | None
+    episodes: int
+    success: float  # share of the episodes
+    length: float  # control steps, mean over the successes
+    failures: str  # how the others failed, in words
+
+    def __str__(self) -> str:
+        what = "whole piece" if self.step is None else f"steps[{self.step}]"
+        how = f"; {self.failures}" if self.failures else ""
+        return f"{what}: {self.success:.0%} of {self.episodes}, in {self.length:.0f} control steps{how}"
+
+
+def try_out(furniture: Furniture, step: int | None, episodes: int = 20, seed: int = 0) -> Trial:
+    """Runs the scripted assembler from noisy starts, the steps before preassembled with jitter."""
+    settings = {"velocity_scale": SPEED, "preassembled": "jitter"}
+    world = BatchedEnvironment(furniture, episodes, step, 1, seed, settings)
+    world.reset()
+    expert, none = world.expert(), torch.zeros(episodes, dtype=torch.bool)
+    running, success, wrong, touched, failed = ~none, none.clone(), none.clone(), none.clone(), none.clone()
+    length = torch.zeros(episodes)
+    while running.any():
+        world.step(expert.act(world.state))
+        for seen, name in ((success, "success"), (wrong, "wrong"), (failed, "failed")):
+            seen |= world.state[name] & running
+        touched |= world.task.scene(world.state).touching & running
+        length += running
+        terminated, truncated = world.task.get_termination(world.state)
+        running &= ~(terminated | truncated)
+    last = world.task.scene(world.state)
+    ends = {
+        "joined the wrong connectors": wrong,
+        "was given up by the simulator": failed,
+        "never had the part between both fingers": ~touched,
+        "lost the part": touched & ~last.touching,
+        "held the part but could not bring the connectors together": touched & last.touching,
+    }
+    share = float(success.double().mean())
+    mean = float(length[success].mean()) if bool(success.any()) else float("nan")
+    return Trial(step, episodes, share, mean, _words(ends, ~success))
+
+
+def _words(ends: dict[str, Tensor], left: Tensor) -> str:
+    """Each failure by the first of `ends` that holds for it."""
+    said = []
+    for text, which in ends.items():
+        count = int((which & left).sum())
+        if count:
+            said.append(f"{count} {text}")
+        left = left & ~which
+    return ", ".join(said)

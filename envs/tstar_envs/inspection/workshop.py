@@ -1,0 +1,119 @@
+"""The scene of one piece of furniture, posed at will: gaps between parts, thickness at a grasp, heights, masses."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import torch
+
+from tstar_envs.furniture.schema import Furniture
+from tstar_envs.robots import sawyer
+from tstar_envs.scene import build_model
+from tstar_envs.tasks.recipe_tables import RecipeTables
+
+FAR = 0.1
+"""m: gaps are looked for up to this; anything further off counts as far."""
+_PART_GROUP = 5
+
+
+class Workshop:
+    """One MuJoCo model of a piece; `place` poses its parts, everything else reads the poses placed last.
+
+    Lengths in m, world frame.
+    """
+
+    def __init__(self, furniture: Furniture):
+        self.furniture = furniture
+        self.model = build_model(furniture)
+        self.data = mujoco.MjData(self.model)
+        self.tables = RecipeTables(furniture, torch.device("cpu"))
+        self.nominal = self.tables.nominal_poses().numpy()
+        """(K + 1, parts, 7): as each step begins and after the last."""
+        self._geoms = [self._geoms_of(part.name) for part in furniture.parts]
+        self._hand = self._geoms_of("right_l5", "hand", *sawyer.FINGERS)
+        self.place(self.nominal[0])
+
+    def place(self, poses: np.ndarray) -> None:
+        """Puts the parts at `poses` (parts, 7) and the arm at home."""
+        home = [*sawyer.HOME_QPOS, *sawyer.FINGER_OPEN]
+        self.data.qpos[:] = np.concatenate([home, poses.ravel()])
+        mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_comPos(self.model, self.data)
+
+    def gap(self, one: int, other: int) -> float:
+        """Least distance of two parts, at most `FAR`; negative where one is inside the other."""
+        return self._gap(self._geoms[one], self._geoms[other])
+
+    def gap_to_hand(self, part: int) -> float:
+        """Least distance of a part to the hand, its fingers and the wrist."""
+        return self._gap(self._geoms[part], self._hand)
+
+    def lowest(self, part: int) -> float:
+        """Height of a part's lowest point."""
+        return min(self._lowest(geom) for geom in self._geoms[part])
+
+    def corners(self, parts: list[int]) -> np.ndarray:
+        """Points (n, 3) between which `parts` lie: of each shape the corners of a box about it."""
+        geoms = [geom for part in parts for geom in self._geoms[part]]
+        reach = self.model.geom_rbound[geoms, None] * 0.8
+        middle = self.data.geom_xpos[geoms]
+        return np.concatenate([middle - reach, middle + reach])
+
+    def off_surface(self, part: int, point: np.ndarray) -> float:
+        """How far a point (3,) of the part's frame is from its nearest shape, 0 inside one."""
+        body = self.model.body(self.furniture.parts[part].name).id
+        world = self.data.xpos[body] + self.data.xmat[body].reshape(3, 3) @ point
+        return min(self._off_geom(geom, world) for geom in self._geoms[part])
+
+    def thickness(self, parts: list[int], point: np.ndarray, axis: np.ndarray) -> tuple[float, float] | None:
+        """Surfaces of `parts` met from either side along `axis`, as distances from `point`; None if one is missed."""
+        self.model.geom_group[:] = 0
+        for part in parts:
+            self.model.geom_group[self._geoms[part]] = _PART_GROUP
+        group = np.zeros(6, dtype=np.uint8)
+        group[_PART_GROUP] = 1
+        found = []
+        for side in (-1.0, 1.0):
+            start, hit = point + side * FAR * axis, np.zeros(1, dtype=np.int32)
+            length = mujoco.mj_ray(self.model, self.data, start, -side * axis, group, 0, -1, hit, None)
+            if length < 0 or length > 2 * FAR:
+                return None
+            found.append(FAR - length)
+        return found[0], found[1]
+
+    def mass(self, part: int) -> float:
+        """Mass of a part, kg."""
+        return float(self.model.body(self.furniture.parts[part].name).mass[0])
+
+    def group(self, step: int) -> list[int]:
+        """The moving part of a step and what is welded to it by then."""
+        return self.tables.group[step].nonzero().flatten().tolist()
+
+    def _geoms_of(self, *bodies: str) -> list[int]:
+        ids = {self.model.body(name).id for name in bodies}
+        return [i for i in range(self.model.ngeom) if self.model.geom_bodyid[i] in ids]
+
+    def _gap(self, these: list[int], those: list[int]) -> float:
+        ends = np.zeros(6)
+        return min(
+            mujoco.mj_geomDistance(self.model, self.data, i, j, FAR, ends) for i in these for j in those
+        )
+
+    def _lowest(self, geom: int) -> float:
+        size, up = self.model.geom_size[geom], np.abs(self.data.geom_xmat[geom].reshape(3, 3)[2])
+        kind, height = self.model.geom_type[geom], self.data.geom_xpos[geom][2]
+        if kind == mujoco.mjtGeom.mjGEOM_BOX:
+            return float(height - up @ size)
+        ends = size[1] * up[2]
+        round_part = size[0] if kind == mujoco.mjtGeom.mjGEOM_CAPSULE else size[0] * np.hypot(up[0], up[1])
+        return float(height - ends - round_part)
+
+    def _off_geom(self, geom: int, point: np.ndarray) -> float:
+        size, kind = self.model.geom_size[geom], self.model.geom_type[geom]
+        local = self.data.geom_xmat[geom].reshape(3, 3).T @ (point - self.data.geom_xpos[geom])
+        if kind == mujoco.mjtGeom.mjGEOM_BOX:
+            return float(np.linalg.norm(np.maximum(np.abs(local) - size, 0)))
+        beyond, aside = max(abs(local[2]) - size[1], 0.0), np.hypot(local[0], local[1])
+        if kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
+            return float(max(np.hypot(beyond, aside) - size[0], 0.0))
+        return float(np.hypot(beyond, max(aside - size[0], 0.0)))

@@ -1,0 +1,134 @@
+"""What the check of a furniture file says: each broken value is named, in words that say what to do."""
+
+import copy
+from pathlib import Path
+
+import pytest
+import yaml
+
+from tstar_envs import rendering
+from tstar_envs.furniture import library
+from tstar_envs.inspection import inspect, try_out
+from tstar_envs.inspection.command import main
+
+TABLE = yaml.safe_load((library.DATA / "table_lack.yaml").read_text())
+
+
+@pytest.fixture
+def table(tmp_path):
+    """Returns a function that changes the table's file and gives its path."""
+
+    def changed(change=lambda data: None) -> Path:
+        data = copy.deepcopy(TABLE)
+        change(data)
+        path = tmp_path / "my_table.yaml"
+        path.write_text(yaml.safe_dump(data, sort_keys=False))
+        return path
+
+    return changed
+
+
+@pytest.mark.parametrize("name", ["table_lack", "table_dockstra"])
+def test_nothing_is_wrong_with_a_piece_of_the_library(name):
+    assert not [str(finding) for finding in inspect(library.load(name)) if finding.wrong]
+
+
+def _leg(data, **fields):
+    data["parts"]["leg_2"].update(fields)
+
+
+def _step(data, **fields):
+    data["steps"][0].update(fields)
+
+
+def _under_a_roof(data):
+    """A short leg that would have to come through a plate over its corner."""
+    _leg(data, boxes=[{"size": [0.015, 0.015, 0.02]}])
+    data["parts"]["leg_2"]["connectors"]["top_end"]["pos"] = [0, 0, 0.02]
+    data["parts"]["table_top"]["boxes"].append({"size": [0.03, 0.03, 0.005], "pos": [-0.305, 0.095, -0.1]})
+    _step(data, insertion=0.15)
+
+
+@pytest.mark.parametrize(
+    ("change", "wrong", "where", "words"),
+    [
+        (lambda d: _leg(d, initial_pose=[-0.37, 0.31, -0.05, 0.5, 0.5, 0.5, 0.5]), True,
+         "parts.leg_2.initial_pose", "65 mm in the floor"),
+        (lambda d: _leg(d, initial_pose=[-0.37, 0.31, 0.2, 0.5, 0.5, 0.5, 0.5]), False,
+         "parts.leg_2.initial_pose", "185 mm above the floor"),
+        (lambda d: _leg(d, initial_pose=[-0.37, 0.22, 0.015, 0.5, 0.5, 0.5, 0.5]), True,
+         "parts.leg_3.initial_pose", "20 mm inside leg_2"),
+        (lambda d: _leg(d, initial_pose=[-0.37, 0.25, 0.015, 0.5, 0.5, 0.5, 0.5]), False,
+         "parts.leg_3.initial_pose", "10 mm from leg_2"),
+        (lambda d: _leg(d, initial_pose=[0, 0.09, 0.2, 0.5, 0.5, 0.5, 0.5]), True,
+         "parts.leg_2.initial_pose", "from the hand at home"),
+        (lambda d: _leg(d, boxes=[{"size": [0.05, 0.05, 0.13]}]), True, "steps[0].grasp", "100 mm wide"),
+        (lambda d: _leg(d, boxes=[{"size": [0.006, 0.006, 0.13]}]), True, "steps[0].grasp", "12 mm wide"),
+        (lambda d: _leg(d, boxes=[{"size": [0.008, 0.008, 0.13]}]), False, "steps[0].grasp", "hardly press"),
+        (lambda d: _leg(d, grasps=[{"left": [-0.02, 0, 0.3], "right": [0.02, 0, 0.3]}]), True,
+         "steps[0].grasp", "nothing of leg_2 is between the fingers"),
+        (lambda d: _leg(d, grasps=[{"left": [0, 0, 0], "right": [0.04, 0, 0]}]), False,
+         "steps[0].grasp", "20 mm off the middle"),
+        (lambda d: _leg(d, grasps=[{"left": [0, -0.02, 0], "right": [0, 0.02, 0]}]), True,
+         "steps[0].grasp", "close along the direction in which the hand comes"),
+        (lambda d: _leg(d, initial_pose=[-1.5, 0.3, 0.015, 0.5, 0.5, 0.5, 0.5]), True,
+         "steps[0]", "to grasp leg_2 the hand must be where the arm does not reach"),
+        (lambda d: d["parts"]["table_top"].update(initial_pose=[-0.19, -1.2, 0.02, 0, 1, 0, 0]), True,
+         "steps[0]", "to join leg_2 the hand must be where the arm does not reach"),
+        (lambda d: d["parts"]["table_top"]["connectors"]["corner_2"].update(pos=[-0.305, 0.095, 0]), True,
+         "steps[0]", "leg_2 is 20.0 mm inside table_top when the connectors meet"),
+        (lambda d: d["parts"]["leg_2"]["connectors"]["top_end"].update(pos=[0, 0, 0.2]), False,
+         "parts.leg_2.connectors.top_end.pos", "floats 69 mm off"),
+        (_under_a_roof, True, "steps[0]", "leg_2 would go through table_top"),
+        (lambda d: d["parts"]["table_top"].update(density=10000), True, "parts.table_top.density", "weighs 6.14e+04 g"),
+        (lambda d: _leg(d, density=1), False, "parts.leg_2.density", "weighs 0.236 g"),
+        (lambda d: _step(d, waypoint=[0, 0, 0]), False, "steps[0].waypoint", "by nothing"),
+        (lambda d: _step(d, insertion=0.02, clearance=0.002), False, "steps[0].clearance", "2 mm of play"),
+        (lambda d: d["steps"].append(dict(d["steps"][0])), True, "steps[4]", "are one piece by then"),
+        (lambda d: d["steps"].pop(), False, "parts.leg_1", "no step joins it"),
+    ],
+)  # fmt: skip
+def test_a_broken_value_is_named(table, change, wrong, where, words):
+    found = inspect(library.read(table(change)))
+    said = [f for f in found if f.where == where and words in f.text]
+    assert said and said[0].wrong == wrong, [str(f) for f in found]
+
+
+def test_a_light_part_that_carries_the_rest_needs_stiffer_contacts(tmp_path):
+    data = yaml.safe_load((library.DATA / "chair_ingolf.yaml").read_text())
+    del data["contact_impedance"]
+    (tmp_path / "soft.yaml").write_text(yaml.safe_dump(data, sort_keys=False))
+    found = [f for f in inspect(library.read(tmp_path / "soft.yaml")) if f.where == "contact_impedance"]
+    assert found and "left_side of 12 g carries" in found[0].text
+
+
+def test_the_script_says_how_it_fails(table):
+    trial = try_out(library.read(table()), 0, episodes=4)
+    assert trial.success == 1.0 and str(trial).startswith("steps[0]: 100% of 4, in ")
+    beside = {"left": [-0.02, 0, 0.3], "right": [0.02, 0, 0.3]}
+    trial = try_out(library.read(table(lambda d: _leg(d, grasps=[beside]))), 0, episodes=2)
+    assert trial.success == 0.0 and trial.failures == "2 never had the part between both fingers"
+
+
+def test_the_command_checks_draws_and_tries(table, tmp_path, capsys):
+    picture = tmp_path / "look.png"
+    arguments = ["check", str(table()), "--picture", str(picture), "--episodes", "0"]
+    assert main(arguments) == 0
+    said = capsys.readouterr().out
+    assert "my_table: 5 parts, 4 steps" in said and "nothing is wrong or doubtful" in said
+    if rendering.backend() is not None:
+        from matplotlib import image
+
+        drawn = image.imread(picture)
+        assert drawn.shape[:2] == (540, 1080) and drawn[..., :3].std() > 0.05
+
+
+def test_the_command_refuses_a_file_that_cannot_be_read(table, tmp_path, capsys):
+    def far(data):
+        data["parts"]["leg_2"]["connectors"]["top_end"]["pos"] = [0, 0, 1e9]
+
+    assert main(["check", str(table(far))]) == 1
+    assert "WRONG     my_table.yaml: parts.leg_2.connectors.top_end.pos: got" in capsys.readouterr().out
+    assert main(["check", str(tmp_path / "none.yaml")]) == 1
+    assert main(["check", "table_lak"]) == 1
+    assert "did you mean 'table_lack'" in capsys.readouterr().out
