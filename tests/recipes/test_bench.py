@@ -8,7 +8,7 @@ from hydra import compose, initialize_config_dir
 
 from tstar_rl.config.load import CONFIGS
 
-RECIPES = Path(__file__).resolve().parent.parent / "recipes"
+RECIPES = Path(__file__).resolve().parents[2] / "recipes"
 SMALL_CHAIN = [
     "demonstrations.episodes=4",
     "demonstrations.num_envs=4",

@@ -10,7 +10,7 @@ from worlds import make, run
 from tstar_envs import furniture
 from tstar_envs.furniture import names
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).resolve().parents[3]
 
 
 def test_the_shelf_holds_what_it_should():
