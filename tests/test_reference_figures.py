@@ -26,7 +26,6 @@ SMALL = [
     "ppo.critic_warmup=0",
     "chain.steps_per_turn=6144",
     "chain.trial_episodes=16",
-    "chain.whole_trial_episodes=8",
     "chain.links=2",
 ]
 
