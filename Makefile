@@ -16,6 +16,7 @@ help:
 	@echo "make assemble-quick  the same path made small"
 	@echo "make watch           an assembly to play in a browser: runs/watch.html"
 	@echo "make test | test-all | lint | type | format | bench"
+	@echo "make shared-lines    how many lines any two recipes share"
 	@echo "make docs            this documentation as a site, in site/index.html"
 
 setup: $(READY)
@@ -54,6 +55,9 @@ format: $(READY)
 
 bench: $(READY)
 	$(BIN)/python recipes/bench.py $(ARGS)
+
+shared-lines: $(READY)
+	$(BIN)/python tools/shared_lines.py $(ARGS)
 
 $(DOCS_READY): $(READY)
 	$(BIN)/python -m pip install -q -e '.[docs]'

@@ -12,7 +12,7 @@ from omegaconf import DictConfig
 from tstar_rl.config.load import recipe
 from tstar_rl.launch.backends import launcher
 from tstar_rl.launch.side_by_side import Step, run_side_by_side
-from tstar_rl.runs.run_folder import run_path
+from tstar_rl.launch.steps import missing
 
 OWN = ("processes", "systems", "only", "subtask", "video")  # values that only this recipe knows
 
@@ -28,9 +28,8 @@ def main(config: DictConfig) -> None:
     unknown = [system for system in config.only or () if system not in config.systems]
     if unknown:
         raise SystemExit(f"there is no baseline {', '.join(unknown)}; there are {', '.join(config.systems)}")
-    wanted = [system for system in config.only or config.systems if not _done(config, system)]
-    lanes = [_lane(config, system) for system in wanted]
-    if lanes:
+    lanes = [missing(_lane(config, system), shared) for system in config.only or config.systems]
+    if any(lanes):
         run = launcher(config)
         run(("make_demonstrations", "whole=true"), shared)
         run_side_by_side(lanes, shared, config.processes, run)
@@ -40,15 +39,6 @@ def _lane(config: DictConfig, system: str) -> list[Step]:
     """The steps of one baseline."""
     name, *own = config.systems[system]
     return [(name, f"system={system}", *own), ("evaluate", f"system={system}", f"video={config.video}")]
-
-
-def _done(config: DictConfig, system: str) -> bool:
-    """Whether a baseline has been trained and evaluated, and is not to be made anew."""
-    place = (config.task.name, system, config.seed)
-    trained = run_path(config.runs_dir, *place) / "finished.json"
-    evaluated = run_path(config.results_dir, *place) / "evaluation.csv"
-    there = config.resume and trained.is_file() and evaluated.is_file()
-    return there and evaluated.stat().st_mtime > trained.stat().st_mtime
 
 
 if __name__ == "__main__":

@@ -1,16 +1,18 @@
-"""How fast: bare simulator, environment, training, and TorchRL's wrapper around the same model. Writes bench.csv.
+"""How fast: bare simulator, environment, training, chaining, one simulation alone, TorchRL's wrapper. Writes bench.csv.
 
     python recipes/bench.py
+    python recipes/bench.py bench.assemble=true   # also runs all of assemble.py
 
 `bare` is `mujoco.batch` stepping what the environment stepped: the same controls from the same states, resets not
 timed. `env` is the environment on those random actions, resets and all; `train` is the loop of `gail_ppo.py`
-after its warm start. `ratio_to_bare` is against the bare simulator under the same policy: `bare` (random actions)
-for `env` and `torchrl_*`, `bare_policy` for `env_policy` and `train`. Where there is a GPU, see `bench_device.py` too.
+after its warm start; `chain` a turn of every skill by `tstar.py`, see `bench_chain.py`. `single_*` is one simulation
+in a front, on random actions. `assemble_minutes` is what assemble.py last took from nothing. `ratio_to_bare` is against
+the bare simulator under the same policy, see `BARE`. Where there is a GPU, see `bench_device.py` too.
 """
 
 import os
-import time
-from collections.abc import Callable, Iterator, Sequence
+import tempfile
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -23,33 +25,32 @@ os.environ.setdefault(
 
 import pandas as pd
 import torch
+from bench_bare import Replay, environment_rate, random_policy, single_rates
+from bench_chain import chain_rates
 from bench_device import device_rows
+from bench_training import Training, warm_started
 from bench_wrapped import wrapped_rate
 from hydra import compose
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
-from tensordict import TensorDictBase
 from tqdm import tqdm
 
-from tstar_envs.physics.cpu import CpuPhysics
-from tstar_envs.scene import SUBSTEPS
-from tstar_rl.chaining.skill import Skill
-from tstar_rl.config.build import environment, new_skill
-from tstar_rl.config.load import recipe, settings
-from tstar_rl.demonstrations.collect import collect
-from tstar_rl.demonstrations.data_set import Demonstrations
-from tstar_rl.rollouts.collection import Collection
+from tstar_rl.config.build import environment
+from tstar_rl.config.load import recipe
+from tstar_rl.launch.side_by_side import run_recipe
 from tstar_rl.runs.csv_tables import append_rows
 from tstar_rl.seeds import derive_seed
-from tstar_rl.transforms import GAILReward, RewardMixture, weighted
-from tstar_rl.updates import (
-    BehaviourCloningSettings,
-    DiscriminatorSettings,
-    DiscriminatorUpdate,
-    PolicyUpdate,
-    PPOSettings,
-    behaviour_cloning,
-)
+
+BARE = {
+    "env_policy": "bare_policy",
+    "train": "bare_policy",
+    "chain": "bare_chain",
+    "single_gymnasium": "bare_single",
+    "single_dm": "bare_single",
+} | {f"bare_{under}": f"bare_{under}" for under in ("policy", "chain", "single")}
+"""The bare simulator under the same policy, of each measure where it is not `bare` (random actions)."""
+OWN = ("bench.", "subtask=", "training.")
+"""Beginnings of values that are not passed on: a chain has its own subtasks and number of simulations."""
 
 
 @dataclass(frozen=True)
@@ -62,100 +63,9 @@ class BenchSection:
     workers: tuple[int, ...]
     worker_steps: int
     device_sizes: tuple[int, ...]
-
-
-class Replay:
-    """What the simulators of an environment were told in `steps` steps of a policy, to tell it to bare ones.
-
-    Attributes:
-        start: states and weld poses before the first step.
-        controls: of each step, (N, nu).
-        restarts: of each step, None or (which simulations began anew, states, weld poses).
-    """
-
-    def __init__(self, env, policy: Callable, steps: int) -> None:
-        self.world = world = env.base_env.world
-        tensordict = env.reset()
-        self.start = self._rows()
-        self.controls, self.restarts = [], []
-        for _ in range(steps):
-            tensordict = policy(tensordict)
-            world.task.before_step(world.state, tensordict["action"].double().clamp(-1, 1))
-            self.controls.append(world.physics.ctrl.clone())
-            stepped, tensordict = env.step_and_maybe_reset(tensordict)
-            done = stepped["next", "done"].squeeze(-1)
-            self.restarts.append((done, *self._rows()) if done.any() else None)
-
-    def _rows(self):
-        return self.world.physics.state(), self.world.physics.eq_data.clone()
-
-    def rate(self, nthread: int) -> float:
-        """Control steps a second of bare `mujoco.batch`; restarts are not timed."""
-        physics = CpuPhysics(self.world.model, self.world.num_sims, nthread)
-        physics.set_state(*self.start)
-        spent = 0.0
-        for controls, restart in zip(self.controls, self.restarts, strict=True):
-            began = time.perf_counter()
-            physics.ctrl[:] = controls
-            physics.batch.step(nstep=SUBSTEPS)
-            spent += time.perf_counter() - began
-            if restart is not None:
-                done, states, welds = restart
-                physics.set_state(states, welds, done)
-        return len(self.controls) * self.world.num_sims / spent
-
-
-@torch.no_grad()
-def environment_rate(env, policy: Callable, steps: int) -> float:
-    """Control steps a second of the environment, resets and `policy` included."""
-    tensordict = env.reset()
-    began = time.perf_counter()
-    for _ in range(steps):
-        _, tensordict = env.step_and_maybe_reset(policy(tensordict))
-    return steps * env.batch_size.numel() / (time.perf_counter() - began)
-
-
-def random_policy(generator: torch.Generator, tensordict: TensorDictBase) -> TensorDictBase:
-    """Uniform actions (N, 9)."""
-    action = torch.rand(*tensordict.batch_size, 9, generator=generator) * 2 - 1
-    return tensordict.set("action", action)
-
-
-def warm_started(config: DictConfig, seed: int) -> tuple[Skill, Demonstrations]:
-    """A skill cloned from a few noise-injected demonstrations, so that it meets the contacts that training meets."""
-
-    def make(s: int):
-        return environment(config, config.subtask, 64, s, snapshots=True)
-
-    expert = collect(make, 64, "noisy", config.demonstrations.noise, seed).to(config.device)
-    skill = new_skill(config, config.subtask)
-    skill.normalizer.fit(expert.observations, config.normalizer.floor)
-    cloning = settings(BehaviourCloningSettings, config.bc)
-    behaviour_cloning(skill.policy, expert.observations, expert.actions, cloning, seed)
-    return skill, expert
-
-
-class Training:
-    """GAIL+PPO end to end, one iteration at a time: the loop of `gail_ppo.py`."""
-
-    def __init__(self, config: DictConfig, skill: Skill, expert: Demonstrations, env, seed: int) -> None:
-        self.expert = expert
-        labels, f_phi = {"expert": 1.0, "agent": -1.0}, settings(DiscriminatorSettings, config.f_phi)
-        self.update_f_phi = DiscriminatorUpdate("f_phi", skill.f_phi, labels, f_phi, seed)
-        ppo = settings(PPOSettings, config.ppo)
-        self.update_policy = PolicyUpdate(skill.policy, skill.value, ppo, skill.return_scale, seed)
-        self.reward = weighted(settings(RewardMixture, config.reward), {"gail": GAILReward(skill.f_phi)})
-        self.collection = Collection(env, skill.policy, config.training.horizon)
-
-    def rate(self, iterations: int) -> float:
-        """Control steps a second."""
-        steps, began = 0, time.perf_counter()
-        for _ in range(iterations):
-            rollout = self.collection.rollout()
-            steps += rollout.numel()
-            self.update_f_phi(expert=self.expert.observations, agent=rollout["observation"])
-            self.update_policy(self.reward(rollout), 0.0)
-        return steps / (time.perf_counter() - began)
+    chain_rounds: int
+    single_steps: int
+    assemble: bool
 
 
 @recipe("bench", bench=BenchSection)
@@ -163,11 +73,8 @@ def main(config: DictConfig) -> None:
     """Measures, prints and writes <results_dir>/bench.csv."""
     bench, seed = config.bench, derive_seed(config.seed, "train")
     torch.manual_seed(seed)
-    env = environment(
-        config, config.subtask, config.training.num_envs, seed, max_steps=config.training.max_steps
-    )
     rates: dict[str, list[float]] = {}
-    rounds = tqdm(total=2 * bench.rounds + 1 + len(bench.workers), disable=not config.progress_bar)
+    rounds = tqdm(total=3 * bench.rounds + 2 + len(bench.workers), disable=not config.progress_bar)
 
     def note(**measured: float) -> None:
         for name, rate in measured.items():
@@ -175,6 +82,7 @@ def main(config: DictConfig) -> None:
         rounds.update()
 
     act = partial(random_policy, torch.Generator().manual_seed(seed))
+    env = _environment(config, seed)
     replay = Replay(env, act, bench.steps)
     note(bare_one_thread=replay.rate(1))
     for _ in range(bench.rounds):
@@ -182,10 +90,7 @@ def main(config: DictConfig) -> None:
     skill, expert = warm_started(config, seed)
     with torch.no_grad():
         replay = Replay(env, skill.policy, bench.steps)
-    trained = environment(
-        config, config.subtask, config.training.num_envs, seed, max_steps=config.training.max_steps
-    )
-    training = Training(config, skill, expert, trained, seed)
+    training = Training(config, skill, expert, _environment(config, seed), seed)
     training.rate(2)  # the first rollouts begin with all simulations at their start
     for _ in range(bench.rounds):
         note(
@@ -193,16 +98,26 @@ def main(config: DictConfig) -> None:
             env_policy=environment_rate(env, skill.policy, bench.steps),
             train=training.rate(bench.updates),
         )
+    for _ in range(bench.rounds):
+        note(**single_rates(config.task.name, config.subtask, bench.single_steps, seed))
+    given = [value for value in HydraConfig.get().overrides.task if not value.startswith(OWN)]
+    threads = [f"nthread={config.nthread}", f"torch_threads={config.torch_threads}"]
+    note(**chain_rates([*given, *threads], bench.chain_rounds, bench.steps))
     for workers in bench.workers:
         name = f"torchrl_parallel_{workers}" if workers > 1 else "torchrl_one"
         note(**{name: wrapped_rate(config.task.name, workers, bench.worker_steps)})
     rounds.close()
     path = Path(config.results_dir) / "bench.csv"
-    write(rates, path)
+    write([*rows_of(rates), *assemble_row(config, given)], path)
     for row in on_a_gpu(HydraConfig.get().overrides.task):
         print(row)
         append_rows(path, [row], ("measure",))  # at once: the largest number may not fit
     print(path)
+
+
+def _environment(config: DictConfig, seed: int):
+    training = config.training
+    return environment(config, config.subtask, training.num_envs, seed, max_steps=training.max_steps)
 
 
 def on_a_gpu(given: Sequence[str]) -> Iterator[dict[str, Any]]:
@@ -220,20 +135,47 @@ def on_a_gpu(given: Sequence[str]) -> Iterator[dict[str, Any]]:
     yield from device_rows(own, lambda sized, env: Training(sized, skill, expert, env, seed))
 
 
-def write(rates: dict[str, list[float]], path: Path) -> None:
-    """Writes the medians, each with its ratio to the bare simulator under the same policy."""
+def rows_of(rates: dict[str, list[float]]) -> Iterator[dict[str, Any]]:
+    """Medians, each with its ratio to the bare simulator under the same policy; of one simulation in two units."""
     middle = {name: median(values) for name, values in rates.items()}
-    against = {
-        name: "bare_policy" if name.endswith("policy") or name == "train" else "bare" for name in middle
-    }
-    table = pd.DataFrame(
-        {
-            "measure": list(middle),
-            "value": [round(rate, 1) for rate in middle.values()],
+    for name, rate in middle.items():
+        ratio = round(rate / middle[BARE.get(name, "bare")], 3)
+        row = {
+            "measure": name,
+            "value": round(rate, 1),
             "unit": "environment steps / s",
-            "ratio_to_bare": [round(rate / middle[against[name]], 3) for name, rate in middle.items()],
+            "ratio_to_bare": ratio,
         }
-    )
+        if "single" not in name:
+            yield row
+            continue
+        yield row | {"value": round(1000 / rate, 3), "unit": "ms / step"}
+        yield row | {"measure": f"{name}_rate"}
+
+
+def assemble_row(config: DictConfig, given: Sequence[str]) -> Iterator[dict[str, Any]]:
+    """The minutes of all of assemble.py from nothing: measured with bench.assemble=true, else those noted last."""
+    with tempfile.TemporaryDirectory() as folder:
+        results = config.results_dir
+        if config.bench.assemble:
+            results = f"{folder}/results"
+            places = [f"{name}_dir={folder}/{name}" for name in ("runs", "demonstrations")]
+            run_recipe(("assemble", *given, *places, f"results_dir={results}", "progress_bar=false"))
+        file = Path(results) / "assemble.csv"
+        known = (
+            pd.read_csv(file) if file.is_file() else pd.DataFrame({"task": [], "seeds": [], "minutes": []})
+        )
+    known = known[(known["task"] == config.task.name) & (known["seeds"] == 1)]
+    if known.empty:
+        print("No time of assemble.py: assemble_minutes is left out (bench.assemble=true measures it).")
+    else:
+        minutes = float(known["minutes"].iloc[-1])
+        yield {"measure": "assemble_minutes", "value": minutes, "unit": "minutes"}
+
+
+def write(rows: Sequence[dict[str, Any]], path: Path) -> None:
+    """Writes and prints the table."""
+    table = pd.DataFrame(rows, columns=["measure", "value", "unit", "ratio_to_bare"])
     path.parent.mkdir(parents=True, exist_ok=True)
     table.to_csv(path, index=False)
     print(table.to_string(index=False))

@@ -24,7 +24,7 @@ def device_rows(config: DictConfig, prepare: Callable[[DictConfig, Any], Any]) -
 
     Args:
         config: of a recipe, with the device to measure and a scale that suits it.
-        prepare: a config and an environment -> `bench.Training`, warm started.
+        prepare: a config and an environment -> `bench_training.Training`, warm started.
     """
     steps, sizes = config.bench.steps, config.bench.device_sizes
     for number in sizes:
@@ -64,12 +64,12 @@ def _free(device: str) -> int | None:
     return torch.cuda.mem_get_info()[0]
 
 
-def _timed(work: Callable[..., Any], *arguments: Any) -> tuple[float, Any]:
+def _timed(work: Callable[..., Any], *arguments: Any, **named: Any) -> tuple[float, Any]:
     """Seconds until the device is done with some work, and what that gave."""
     if torch.cuda.is_available():
         torch.cuda.synchronize()
     began = time.perf_counter()
-    given = work(*arguments)
+    given = work(*arguments, **named)
     if torch.cuda.is_available():
         torch.cuda.synchronize()
     return time.perf_counter() - began, given
@@ -111,8 +111,8 @@ def _parts(training: Any, iterations: int) -> dict[str, float]:
     for _ in range(iterations):
         seconds, rollout = _timed(training.collection.rollout)
         spent["collection"] += seconds
-        observations = training.expert.observations, rollout["observation"]
-        spent["f_phi"] += _timed(training.update_f_phi, *observations)[0]
+        observations = {"expert": training.expert.observations, "agent": rollout["observation"]}
+        spent["f_phi"] += _timed(training.update_f_phi, **observations)[0]
         spent["rewards"] += _timed(training.reward, rollout)[0]
         spent["ppo"] += _timed(training.update_policy, rollout, 0.0)[0]
     return spent

@@ -18,8 +18,8 @@ from omegaconf import DictConfig
 from tstar_rl.chaining.chain import ChainPolicy, chain_folders
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.build import environment, load_skill
-from tstar_rl.config.chain import chain_length
 from tstar_rl.config.load import plain, recipe
+from tstar_rl.launch.steps import evaluated_runs, run_folder
 from tstar_rl.rollouts.episodes import MODES, check_modes, evaluate, same_policy
 from tstar_rl.rollouts.recorder import Recorder
 from tstar_rl.runs.checkpoint import is_checkpoint
@@ -70,16 +70,13 @@ def _places(config: DictConfig, given: Iterable[str]) -> tuple[Path, dict[str, l
         given: the values of the command line.
     """
     after = _take_from_path(config, given)
-    place = (config.task.name, config.system, config.seed, config.subtask)
-    results, names = run_path(config.results_dir, *place), list(config.checkpoints)
-    homes = [run_path(config.runs_dir, *place)]
+    results, names = run_folder(config, "results_dir"), list(config.checkpoints)
     if after is None or after.parts:  # a checkpoint, not a run
         path = Path(config.path)
         homes, names = [path.parent], [path.name]
         results = path.parent if after is None else results / after.parent
-    elif Path(config.system).name.startswith("no_finetuning"):
-        skills = (config.task.name, config.skills, config.seed)
-        homes = [run_path(config.runs_dir, *skills, index) for index in range(chain_length(config))]
+    else:
+        homes = evaluated_runs(config)
     found = {name: [_skills(home / name) for home in homes] for name in names}
     complete = {name: [*itertools.chain(*parts)] for name, parts in found.items() if all(parts)}
     if not complete:

@@ -20,6 +20,7 @@ from omegaconf import DictConfig
 
 from tstar_rl.config.load import recipe
 from tstar_rl.launch.side_by_side import Step, run_recipe
+from tstar_rl.launch.steps import is_done, run_folder, step_config, step_files
 from tstar_rl.runs import checkpoint
 from tstar_rl.runs.csv_tables import append_rows
 from tstar_rl.runs.run_folder import run_path
@@ -37,11 +38,12 @@ def main(config: DictConfig) -> None:
         shared = [f"scale={scale}", *given]
         place = compose("recipe/gail_ppo", shared)
         for step in _steps(place, config.video):
-            if _done(place, step):
+            if is_done(step, shared):
                 continue
-            before = _kept(place, step)
+            own = step_config(step, shared)
+            before = _kept(step, own)
             taken = _take(step, shared, end, place)
-            whole = whole and _kept(place, step) == before  # nothing in this call has got any further so far
+            whole = whole and _kept(step, own) == before  # nothing in this call has got any further so far
             if not taken and whole:
                 raise SystemExit(
                     f"{' '.join(step)} had all {config.minutes:g} minutes of a call and left nothing to go on "
@@ -68,31 +70,15 @@ def _steps(place: DictConfig, video: bool) -> list[Step]:
     return [("make_demonstrations", f"kinds=[{place.demonstrations.kind}]"), *skills, *tries, *chains]
 
 
-def _done(place: DictConfig, step: Step) -> bool:
-    """Whether a step has been taken; demonstrations that are there are left alone by the step itself."""
-    trained, table = _ends(place, step)
-    if step[0] != "evaluate":
-        return trained.is_file()
-    return table.is_file() and (not trained.is_file() or table.stat().st_mtime >= trained.stat().st_mtime)
+def _kept(step: Step, config: DictConfig) -> tuple[Path | None, dict[Path, int]]:
+    """What a step that is stopped now leaves behind: its newest checkpoint, and the files that it has completed.
 
-
-def _ends(place: DictConfig, step: Step) -> tuple[Path, Path]:
-    """What is there once the system of a step has been trained, and once it has been evaluated."""
-    values = dict(value.split("=") for value in step[1:])
-    system, subtask = values.get("system", step[0]), values.get("subtask")
-    where = (place.task.name, system, place.seed, None if subtask is None else int(subtask))
-    return (
-        run_path(place.runs_dir, *where) / "finished.json",
-        run_path(place.results_dir, *where) / "evaluation.csv",
-    )
-
-
-def _kept(place: DictConfig, step: Step) -> tuple[Path | None, dict[Path, int]]:
-    """What a step that is stopped now leaves behind: its newest checkpoint, and the files that it has completed."""
-    trained, table = _ends(place, step)
-    files = [trained, table, *(Path(place.demonstrations_dir) / place.task.name).glob("*/*.npz")]
-    written = {file: file.stat().st_mtime_ns for file in files if file.is_file()}
-    return checkpoint.latest(trained.parent / "checkpoints"), written
+    Args:
+        step: recipe and values.
+        config: the step's own.
+    """
+    written = {file: file.stat().st_mtime_ns for file in step_files(step, config) if file.is_file()}
+    return checkpoint.latest(run_folder(config, "runs_dir") / "checkpoints"), written
 
 
 def _take(step: Step, shared: list[str], end: float, place: DictConfig) -> bool:

@@ -17,7 +17,7 @@ from tstar_rl.config import build, chain
 from tstar_rl.config.load import CONFIGS
 from tstar_rl.env import furniture_env
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[1]
 SUBTASKS = 4
 SMALL = [
     "progress_bar=false",

@@ -53,6 +53,6 @@ def scene(alignment: Alignment = FAR, touching: Tensor = NO, **changed: Tensor) 
         ("gap", "up", "forward", "moving_projection", "target_projection"), alignment, strict=True
     ):
         measures[MEASURES[name]] = value
-    touches = torch.zeros(1, 2, 1, dtype=torch.bool)
+    touches = torch.zeros(2, 1, 1, dtype=torch.bool)
     raised = measures[MEASURES["part_over_lift"]] > OFF_GROUND - RISE
     return Scene(vectors, measures, touches, touching, alignment.aligned, raised)

@@ -7,7 +7,7 @@ import pytest
 
 import tstar_rl
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).resolve().parents[1]
 WORLD, LEARNING, RECIPES = ROOT / "envs" / "tstar_envs", ROOT / "tstar_rl", ROOT / "recipes"
 
 # Inside the world a module imports from its own layer or from one above it in this list.
@@ -44,7 +44,7 @@ ROOMS = (
     ("analysis",),
 )
 SIMULATORS = {"mujoco", "mujoco_warp", "warp", "dm_control", "dm_env"}
-MEASURES_THE_SIMULATOR = {"bench.py", "bench_device.py", "bench_wrapped.py"}
+MEASURES_THE_SIMULATOR = {"bench_bare.py", "bench_device.py", "bench_wrapped.py"}
 
 
 def imports(path: Path) -> set[str]:

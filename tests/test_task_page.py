@@ -15,7 +15,7 @@ from tstar_envs.robots import sawyer
 from tstar_envs.settings import TaskSettings
 from tstar_envs.tasks import assembly, measures, phase_reward, scene_reader
 
-PAGE = (Path(__file__).parents[1] / "docs" / "task.md").read_text()
+PAGE = (Path(__file__).resolve().parents[1] / "docs" / "task.md").read_text()
 FLAT = " ".join(PAGE.split())
 
 

@@ -15,12 +15,11 @@ from tstar_envs.physics.single import SinglePhysics
 
 
 def _no_screen() -> bool:
-    """Whether nobody has said how to draw, and there is no screen to draw on."""
-    asked = os.environ.get("MUJOCO_GL") or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-    return sys.platform == "linux" and not asked
+    """Whether there is no screen to draw on."""
+    return sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
-_OFF = _no_screen()
+_OFF = _no_screen() and not os.environ.get("MUJOCO_GL")
 if _OFF:
     os.environ["MUJOCO_GL"] = "off"  # while dm_control is imported: it would try a window first, and complain
 try:
@@ -66,8 +65,9 @@ class AssemblyPhysics(Physics):
         self.view.forward()
 
     def _make_rendering_contexts(self) -> None:
-        graphics = rendering.backend() if _no_screen() else None
-        if graphics is not None:
+        undecided = os.environ.get("MUJOCO_GL", "") in ("", *rendering.BACKENDS)
+        blind = _no_screen() and undecided and _render.BACKEND not in rendering.BACKENDS
+        if blind and (graphics := rendering.backend()) is not None:
             rendering.choose(graphics)
             importlib.reload(_render)
         super()._make_rendering_contexts()

@@ -1,8 +1,5 @@
 """Ablations: what their files say, what is run of them, and the figures that are made of their tables."""
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pandas as pd
@@ -20,7 +17,6 @@ from tstar_rl.rollouts.collection import rollout_metrics, with_starts
 from tstar_rl.rollouts.starts import check_shares
 from tstar_rl.runs.csv_tables import MetricsLog
 
-ROOT = Path(__file__).resolve().parents[2]
 VARIANTS = [variant for name in variants.names() for variant in variants.read(name).variants]
 TWO = {"reference": "a", "variants": [{"name": "a", "system": "tstar"}, {"name": "b", "system": "tstar"}]}
 
@@ -73,21 +69,6 @@ def test_an_unknown_ablation_is_named():
         compose("recipe/ablate", ["ablation=lamda_3"])
     with pytest.raises(ValueError, match="no ablation 'lamda_3'.* there are d_omega, lambda_3, links"):
         variants.read("lamda_3")
-
-
-@pytest.mark.parametrize(
-    ("values", "message"),
-    [
-        (["ablation=lambda_3", "variants=[zeros]"], "has no variant 'zeros'; it has no_finetuning, zero"),
-        (["ablation=lambda_3", "chain.links=1"], "chain.links must be null or in 2..4 for table_lack, got 1"),
-    ],
-)
-def test_mistakes_are_named_before_anything_runs(values, message, tmp_path):
-    places = [f"{name}={tmp_path}" for name in ("results_dir", "runs_dir", "demonstrations_dir")]
-    environ = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "envs")])}
-    command = [sys.executable, str(ROOT / "recipes" / "ablate.py"), *places, *values]
-    done = subprocess.run(command, env=environ, capture_output=True, text=True, check=False)
-    assert done.returncode and message in done.stderr and not list(tmp_path.iterdir())
 
 
 def test_a_step_that_fails_ends_its_lane_alone(monkeypatch):

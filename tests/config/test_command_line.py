@@ -1,13 +1,12 @@
 """A user's mistake on the command line ends in one or two lines: what was got, what is valid, where it belongs."""
 
-import importlib.util
 import os
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
+from recipe_runs import command, environ
 
 from tstar_rl.chaining.skill import NetworkSettings, Skill
 from tstar_rl.checks import UserError
@@ -16,29 +15,7 @@ from tstar_rl.config.command_line import FULL_ERROR, HINT
 from tstar_rl.config.load import recipe
 from tstar_rl.runs.run_folder import run_path
 
-ROOT = Path(__file__).resolve().parents[2]
 SMALL = NetworkSettings(hidden=(16,), std="fixed", discriminator_hidden=(16,))
-
-
-@pytest.fixture
-def say(monkeypatch, tmp_path):
-    """Gives the message that a recipe ends with, run in this process from an empty folder."""
-    monkeypatch.delenv(FULL_ERROR, raising=False)
-    monkeypatch.chdir(tmp_path)
-
-    def run(name: str, *values: str) -> str:
-        monkeypatch.setattr(sys, "argv", [f"{name}.py", "progress_bar=false", *values])
-        spec = importlib.util.spec_from_file_location(f"recipe_{name}", ROOT / "recipes" / f"{name}.py")
-        module = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(module)
-        with pytest.raises(SystemExit) as ended:
-            module.main()
-        assert FULL_ERROR not in os.environ
-        message = ended.value.code
-        assert isinstance(message, str) and message.endswith(f"\n{HINT}") and message.count("\n") == 1
-        return message.removesuffix(f"\n{HINT}")
-
-    return run
 
 
 MISTAKES = [
@@ -58,6 +35,7 @@ MISTAKES = [
     ("gail_ppo", ["scale=huge"], "scale=huge: scale must be one of ablation, gpu, laptop"),
     ("ablate", ["ablation=lamda_3"], "ablation must be one of d_omega, .*did you mean lambda_3"),
     ("ablate", ["ablation=[lambda_3,strats]"], "ablation=strats: ablation must be .*did you mean starts"),
+    ("ablate", ["ablation=lambda_3", "variants=[zeros]"], "has no variant 'zeros'; it has no_finetuning, zero"),
     # a value that is not valid
     ("gail_ppo", ["seed=one"], "seed must be a whole number, got 'one'"),
     ("gail_ppo", ["seed=-5"], "seed must be a whole number from 0, got -5"),
@@ -74,6 +52,7 @@ MISTAKES = [
     ("gail_ppo", ["physics=isaac"], "physics must be one of mujoco, warp, null; got 'isaac'"),
     ("gail_ppo", ["device=mps"], "device must be cpu or cuda, got 'mps'"),
     ("tstar", ["chain.links=5"], r"chain.links must be null or in 2..4 for table_lack, got 5"),
+    ("ablate", ["ablation=lambda_3", "chain.links=1"], "chain.links must be null or in 2..4 for table_lack, got 1"),
     ("tstar", ["chain.starts={buffer: 2}"], "shares of starts must .* sum to 1"),
     ("gail_ppo", [], "networks.features needs one subtask: set subtask=0.. or networks.features=false"),
     ("evaluate", ["modes=[best]"], "mode must be one of deterministic, stochastic; got 'best'"),
@@ -135,10 +114,9 @@ def test_with_a_full_error_everything_is_raised(monkeypatch, tmp_path):
 
 
 def test_as_a_user_sees_it(tmp_path):
-    path = os.pathsep.join([str(ROOT), str(ROOT / "envs")])
-    environ = {name: value for name, value in os.environ.items() if name != FULL_ERROR} | {"PYTHONPATH": path}
-    command = [sys.executable, str(ROOT / "recipes" / "gail_ppo.py"), "subtask=-1"]
-    done = subprocess.run(command, env=environ, cwd=tmp_path, capture_output=True, text=True, check=False)
+    variables = {name: value for name, value in environ().items() if name != FULL_ERROR}
+    called = command("gail_ppo", "subtask=-1")
+    done = subprocess.run(called, env=variables, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 1 and not done.stdout
     first, second = done.stderr.splitlines()
     assert first.startswith("subtask of table_lack must be") and second == HINT

@@ -3,6 +3,9 @@
 import subprocess
 import sys
 
+import imageio.v3
+import numpy as np
+import pandas as pd
 import torch
 from spirl_agent import make_agent
 from torch.testing import assert_close
@@ -10,7 +13,7 @@ from torch.testing import assert_close
 from tstar_rl import FurnitureEnv
 from tstar_rl.demonstrations.data_set import Demonstrations
 from tstar_rl.rollouts.collection import with_starts
-from tstar_rl.spirl.figures import draw_latents, evenly_spread_rows, play_latents
+from tstar_rl.spirl.figures import draw_latents, evenly_spread_rows, latents_figure, play_latents
 
 
 def demonstration(env: FurnitureEnv, steps: int) -> Demonstrations:
@@ -43,7 +46,25 @@ def test_latents_are_played_from_the_demonstrated_state_and_drawn(tmp_path):
     assert_close(torch.tensor(shown).float(), expert.observations[3, 16:19].expand(3, -1), atol=1e-4, rtol=0)
     last = paths[paths.step == 4].set_index("latent")[["x", "y", "z"]]
     assert (last.loc[0] - last.loc[1]).abs().max() > 1e-5, "two draws do two things"
-    assert draw_latents(paths, tmp_path / "latents.png").stat().st_size > 1000
+    width, height = latents_figure(paths).get_size_inches() * 100
+    picture = imageio.v3.imread(draw_latents(paths, tmp_path / "some" / "latents.png"))
+    assert picture.shape[:2] == (height, width) and picture.std() > 0
+
+
+def test_the_figure_shows_paths_in_cm_from_where_they_begin():
+    """One state, a demonstration that rises by 1 cm a step and a latent that moves along x."""
+    steps = range(3)
+    demonstrated = [{"latent": -1, "step": step, "x": 0.5, "y": 0.1, "z": 0.01 * step} for step in steps]
+    played = [{"latent": 0, "step": step, "x": 0.5 + 0.02 * step, "y": 0.1, "z": 0.3} for step in steps]
+    figure = latents_figure(pd.DataFrame([*demonstrated, *played]).assign(state=7))
+    above, side = figure.axes
+    assert above.get_title() == "state 7" and side.get_ylabel() == "z, cm"
+    (black, colored), (risen, level) = above.lines, side.lines
+    assert black.get_color() == "black" and colored.get_color() != "black"
+    np.testing.assert_allclose(black.get_xydata(), np.zeros((3, 2)), atol=1e-9)
+    np.testing.assert_allclose(colored.get_xydata(), [[0, 0], [2, 0], [4, 0]], atol=1e-9)
+    np.testing.assert_allclose(risen.get_xydata(), [[0, 0], [0, 1], [0, 2]], atol=1e-9)
+    np.testing.assert_allclose(level.get_xydata(), [[0, 0], [2, 0], [4, 0]], atol=1e-9)
 
 
 def test_the_room_and_its_figures_leave_pyplot_and_its_backend_alone():

@@ -6,6 +6,8 @@ from typing import Any
 
 import yaml
 
+from tstar_rl.checks import InvalidValueError
+
 __all__ = ["FOLDER", "SKILLS", "Ablation", "Variant", "names", "parse", "read"]
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs" / "ablation"
@@ -70,7 +72,7 @@ class Ablation:
             if variant.name == name:
                 return variant
         known = ", ".join(variant.name for variant in self.variants)
-        raise ValueError(f"ablation {self.name} has no variant {name!r}; it has {known}")
+        raise InvalidValueError(f"ablation {self.name} has no variant {name!r}; it has {known}")
 
 
 def names() -> list[str]:
@@ -86,7 +88,7 @@ def read(name: str) -> Ablation:
     """
     path = CONFIGS / f"{name}.yaml"
     if not path.is_file():
-        raise ValueError(f"there is no ablation {name!r} in {CONFIGS}; there are {', '.join(names())}")
+        raise InvalidValueError(f"there is no ablation {name!r} in {CONFIGS}; there are {', '.join(names())}")
     return parse(name, yaml.safe_load(path.read_text()))
 
 
@@ -96,7 +98,7 @@ def parse(name: str, values: dict[str, Any]) -> Ablation:
     for one in values["variants"]:
         unknown = [str(field) for field in one if field not in fields]
         if unknown:
-            raise ValueError(
+            raise InvalidValueError(
                 f"ablation {name}: a variant has no {', '.join(unknown)}; it has {', '.join(fields)}"
             )
     variants = tuple(
@@ -104,10 +106,12 @@ def parse(name: str, values: dict[str, Any]) -> Ablation:
     )
     found = [variant.name for variant in variants]
     if len(set(found)) < len(found):
-        raise ValueError(f"ablation {name}: two variants have the same name; it has {', '.join(found)}")
+        raise InvalidValueError(
+            f"ablation {name}: two variants have the same name; it has {', '.join(found)}"
+        )
     for variant in variants:
         if not variant.trains and not variant.name.startswith(variant.system):
-            raise ValueError(
+            raise InvalidValueError(
                 f"ablation {name}: {variant.name} trains nothing, so call it {variant.system}..."
             )
     ablation = Ablation(name, values["reference"], variants)

@@ -2,7 +2,7 @@
 
 from torch import Tensor
 
-__all__ = ["area_under_curve", "brier_score"]
+__all__ = ["area_under_curve"]
 
 
 def area_under_curve(scores: Tensor, outcomes: Tensor) -> float:
@@ -22,13 +22,3 @@ def area_under_curve(scores: Tensor, outcomes: Tensor) -> float:
         return float("nan")
     difference = won.double().unsqueeze(-1) - lost.double()
     return float(((difference > 0).double() + 0.5 * (difference == 0).double()).mean())
-
-
-def brier_score(probabilities: Tensor, outcomes: Tensor) -> float:
-    """The mean squared distance of probabilities (n,) from outcomes (n,) bool; NaN of no outcome.
-
-    Source: Brier 1950.
-    """
-    return (
-        float((probabilities.double() - outcomes.double()).square().mean()) if len(outcomes) else float("nan")
-    )

@@ -11,7 +11,3 @@ FINGERS = 1  # they close along the hand's y axis
 def observation_size(parts: int) -> int:
     """Numbers in an observation of furniture of so many parts."""
     return PARTS + 7 * parts + NUM_PHASES
-
-
-FIVE_PARTS = observation_size(5)
-"""O of furniture of five parts, which is what skills are of that do not say."""

@@ -19,6 +19,7 @@ from torch.nn.functional import softplus
 from torchrl.modules import MLP, IndependentNormal, ProbabilisticActor, ValueOperator
 
 from tstar_rl.models.normalizer import Normalizer
+from tstar_rl.models.precision import in_bfloat16
 from tstar_rl.models.relative_features import RelativeFeatures
 from tstar_rl.models.state_input import StateInput
 
@@ -31,6 +32,7 @@ __all__ = [
     "make_value",
     "set_action_std",
     "split_encoder",
+    "split_policy",
 ]
 
 
@@ -168,6 +170,12 @@ def make_value(
     return TensorDictSequential(_encoder(state_input), body, selected_out_keys=["state_value"])
 
 
+def split_policy(policy: ProbabilisticActor) -> tuple[TensorDictModule, TensorDictModule]:
+    """What a policy from `make_policy` is made of: "observation" -> "encoded" without parameters -> "loc", "scale"."""
+    encoder, body = (cast(TensorDictModule, module) for module in cast(TensorDictSequential, policy[0]))
+    return encoder, body
+
+
 def split_encoder(
     policy: ProbabilisticActor, value: TensorDictSequential
 ) -> tuple[TensorDictModule, ProbabilisticTensorDictSequential, TensorDictModule]:
@@ -180,7 +188,7 @@ def split_encoder(
     Returns:
         The encoder, "observation" -> "encoded"; the policy and the value network on "encoded". Parameters are shared.
     """
-    encoder, body = (cast(TensorDictModule, module) for module in cast(TensorDictSequential, policy[0]))
+    encoder, body = split_policy(policy)
     actor = ProbabilisticTensorDictSequential(body, policy[-1])
     return encoder, actor, cast(TensorDictModule, value[-1])
 
@@ -197,6 +205,7 @@ class Discriminator(nn.Module):
         super().__init__()
         self.network = network
         self.normalizer = normalizer
+        self.bfloat16 = False  # set by what trains it
 
     def normalize(self, obs: Tensor) -> Tensor:
         """obs: (..., obs_dim) -> the same shape, as the network reads it."""
@@ -204,7 +213,7 @@ class Discriminator(nn.Module):
 
     def score(self, normalized: Tensor) -> Tensor:
         """normalized: (..., obs_dim) -> (..., 1), raw."""
-        return self.network(normalized)
+        return in_bfloat16(self.network, normalized) if self.bfloat16 else self.network(normalized)
 
     def forward(self, obs: Tensor) -> Tensor:
         """obs: (..., obs_dim) -> (..., 1), raw."""

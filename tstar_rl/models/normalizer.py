@@ -63,3 +63,18 @@ class Normalizer(nn.Module):
         self.loc.add_(share * step)
         self.count.copy_(total)
         self.scale.copy_(self.var.sqrt().clamp_min(floor))
+
+    @torch.no_grad()
+    def raise_to(self, floor: float) -> int:
+        """Raises the deviations below `floor` to it, after the fact; returns how many there were.
+
+        The networks behind see the same as before of every input that varied more than that when it was fitted.
+
+        Raises:
+            ValueError: if the floor is not positive.
+        """
+        if not floor > 0:
+            raise ValueError(f"a floor must be positive, got {floor}")
+        below = int((self.scale < floor).sum())
+        self.scale.clamp_(min=floor)
+        return below

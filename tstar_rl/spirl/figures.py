@@ -75,7 +75,14 @@ def _grip(tensordict: TensorDictBase) -> Tensor:
 
 
 def draw_latents(paths: pd.DataFrame, path: str | Path) -> Path:
-    """Draws the table of `play_latents` and writes a PNG to `path`.
+    """Draws `latents_figure` and writes it to `path`, a PNG."""
+    Path(path).parent.mkdir(parents=True, exist_ok=True)
+    latents_figure(paths).savefig(path, dpi=100)
+    return Path(path)
+
+
+def latents_figure(paths: pd.DataFrame) -> Figure:
+    """The table of `play_latents` as a figure.
 
     Each state has a column of two panels: seen from above, and from the side. Positions are in cm from the state.
     """
@@ -99,6 +106,4 @@ def draw_latents(paths: pd.DataFrame, path: str | Path) -> Path:
         "Path of the grip under latents drawn from the prior (black: the demonstration)", fontsize=9
     )
     figure.tight_layout()
-    Path(path).parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=100)
-    return Path(path)
+    return figure

@@ -4,6 +4,7 @@ from tensordict import TensorDictBase
 from torch import Tensor, nn
 
 from tstar_rl.equations import gail_reward
+from tstar_rl.models.blocks import in_blocks
 from tstar_rl.transforms.reward_transform import RewardTransform
 
 
@@ -30,4 +31,4 @@ class GAILReward(RewardTransform):
     def reward(self, current: TensorDictBase, following: TensorDictBase) -> Tensor:
         """(*batch, 1), in [0, 1]."""
         scored = current if self.state == "current" else following
-        return gail_reward(self.f_phi(self.read(scored, "observation")))
+        return gail_reward(in_blocks(self.f_phi, self.read(scored, "observation")))

@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 
 import torch
-from tensordict import TensorDict
 from torch import Tensor
 from torchrl.modules import ProbabilisticActor
 
 from tstar_rl.checks import check_ranges
+from tstar_rl.models.networks import split_policy
 
 
 @dataclass(frozen=True)
@@ -30,8 +30,14 @@ def behaviour_cloning(
     settings: BehaviourCloningSettings,
     seed: int = 0,
 ) -> dict[str, float]:
-    """Fits the policy's mean to actions (n, 9) at observations (n, O) by least squares; logs the last epoch's loss."""
+    """Fits the policy's mean to actions (n, 9) at observations (n, O) by least squares; logs the last epoch's loss.
+
+    What the network's input is made of each observation has no parameters: it is computed once, not in each epoch.
+    """
     device = observations.device
+    encoder, body = split_policy(policy)
+    with torch.no_grad():
+        encoded = encoder.module(observations)
     generator = torch.Generator(device).manual_seed(seed)
     optimizer = torch.optim.Adam(policy.parameters(), settings.learning_rate)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, settings.epochs)
@@ -40,8 +46,8 @@ def behaviour_cloning(
         loss_sum, count = torch.zeros_like(loss_sum), 0
         order = torch.randperm(len(observations), generator=generator, device=device)
         for rows in order.split(settings.minibatch):
-            batch = TensorDict({"observation": observations[rows]}, [len(rows)])
-            loss = (policy.get_dist(batch).mean - actions[rows]).square().mean()
+            loc, _ = body.module(encoded[rows])
+            loss = (loc - actions[rows]).square().mean()
             optimizer.zero_grad()
             loss.backward()
             optimizer.step()

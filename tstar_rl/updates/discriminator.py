@@ -22,6 +22,8 @@ class DiscriminatorSettings:
     steps: int = 100
     """Minibatches in one update, drawn at random: a subsample of a large rollout."""
     gradient_penalty: float = 10.0
+    bfloat16: bool = False
+    """Whether the network computes in bfloat16, in its reward too; its parameters and its optimiser stay in float32."""
 
     def __post_init__(self) -> None:
         check_ranges(
@@ -55,6 +57,7 @@ class DiscriminatorUpdate:
         seed: int = 0,
     ) -> None:
         self.name, self.settings = name, settings
+        network.bfloat16 = settings.bfloat16
         self.loss = DiscriminatorLoss(network, labels, settings.gradient_penalty)
         self.optimizer = torch.optim.Adam(self.loss.parameters(), settings.learning_rate)
         self.device = next(network.parameters()).device

@@ -6,15 +6,17 @@ from functools import partial
 from typing import Any
 
 import torch
-from tensordict import TensorDict, TensorDictBase
+from tensordict import TensorDictBase
 from tensordict.nn import TensorDictSequential
 from torch import Tensor, nn
-from torchrl.modules import ProbabilisticActor
+from torchrl.modules import ProbabilisticActor, ValueOperator
 from torchrl.objectives import ClipPPOLoss
 from torchrl.objectives.value import GAE
 
 from tstar_rl.checks import check_ranges
+from tstar_rl.models.blocks import in_blocks
 from tstar_rl.models.networks import split_encoder
+from tstar_rl.models.precision import Bfloat16
 from tstar_rl.models.return_scale import ReturnScale
 
 PPO_KEYS = ("encoded", "action", "action_log_prob", "advantage", "value_target")
@@ -45,6 +47,8 @@ class PPOSettings:
     """First steps of the actor in which its rate grows linearly: Adam's very first steps have full size."""
     normalize_returns: bool = False
     """Divide rewards by the running deviation of discounted returns."""
+    critic_bfloat16: bool = False
+    """Whether the critic computes in bfloat16; its parameters and optimiser, and all of the actor, stay in float32."""
     compile: str | None = None
     """A mode of `torch.compile` for the loss of a minibatch; "reduce-overhead" makes CUDA graphs of it. None: eager."""
 
@@ -88,6 +92,8 @@ class PolicyUpdate:
         self.actor_rate = settings.learning_rate
         self.carried = torch.zeros((), device=self.device)
         self.encoder, actor, self.critic = split_encoder(policy, value)
+        if settings.critic_bfloat16:
+            self.critic = ValueOperator(Bfloat16(self.critic.module), in_keys=["encoded"])
         self.loss = ClipPPOLoss(
             actor,
             self.critic,
@@ -176,7 +182,7 @@ class PolicyUpdate:
         """
 
         def value(encoded: Tensor) -> Tensor:
-            return self.critic(TensorDict({"encoded": encoded}, encoded.shape[:-1]))["state_value"]
+            return in_blocks(self.critic.module, encoded)
 
         encode, following = self.encoder.module, batch["next", "observation"]
         batch.set("encoded", encode(batch["observation"]))

@@ -144,11 +144,11 @@ class Assembly(BatchedTask):
         self.part_poses[mask] = self.tables.move_group(subtask, self.part_poses, pose)[mask]
 
     def _wrong_connection(self, state: TensorDict, scene: Scene, asks: Tensor) -> Tensor:
-        held = scene.touches.all(1)
-        suspects = asks & held.any(-1)
+        held = scene.touches.all(0)
+        suspects = asks & held.any(0)
         if not bool(suspects.any()):
             return suspects
-        step = self.tables.step_index(state["subtask"])
+        step, held = self.tables.step_index(state["subtask"]), held.t()
         if self.physics.steps_together:  # on a GPU, where no shape should depend on data
             return suspects & self._wrong.made(self.part_poses, held, step)
         rows, wrong = suspects.nonzero().squeeze(-1), torch.zeros_like(suspects)

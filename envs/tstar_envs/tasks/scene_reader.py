@@ -27,7 +27,7 @@ class Scene(NamedTuple):
 
     vectors: Tensor  # (3, V, N), named in `measures.VECTORS`
     measures: Tensor  # (M, N), named in `measures.MEASURES`
-    touches: Tensor  # (N, 2, parts) bool, which finger touches which part
+    touches: Tensor  # (2, parts, N) bool, which finger touches which part
     touching: Tensor  # (N,) bool, both fingers on the moving part or on what is welded to it
     aligned: Tensor  # (N,) bool, `alignment.aligned`
     raised: Tensor  # (N,) bool, the moving part is a centimetre above where it lay when the subtask began
@@ -117,7 +117,7 @@ class SceneReader:
         self._least, self._most = bounds.t().unsqueeze(-1)
         self._poses = [physics.qpos[:, _ROBOT_QPOS:], physics.sensor("tip_pos"), physics.sensor("hand_quat")]
         fingers = [f"{finger}_touches_{part}" for finger in sawyer.FINGERS for part in part_names]
-        self._contacts = physics.sensors(fingers).unflatten(-1, (len(sawyer.FINGERS), tables.num_parts))
+        self._contacts = physics.sensors(fingers).t().unflatten(0, (len(sawyer.FINGERS), tables.num_parts))
         self._at: _AtSteps | None = None
 
     def read(self, state: TensorDict) -> Scene:
@@ -125,7 +125,7 @@ class SceneReader:
         at = self._look_up(state["subtask"])
         vectors = self._vectors(state, at)
         touches = self._contacts > 0
-        touching = (touches & at.group).any(-1).all(-1)
+        touching = (touches & at.group).any(1).all(0)
         measures = self._measure(vectors, at.turns)
         lies = measures[_ALIGNMENT]
         aligned = ((lies > self._least) & (lies < self._most)).all(0)
@@ -187,11 +187,9 @@ class _AtSteps(NamedTuple):
     columns: Tensor  # (3, 2, rows, N): points and axes in the frames of the moving and the target part
     is_point: Tensor  # (2, rows, 1)
     turns: Tensor  # (2, R, N), see `Measures`
-    group: Tensor  # (N, 1, parts) bool, parts that move along
+    group: Tensor  # (parts, N) bool, parts that move along
     directions: Tensor  # (3, 3, N), world: the last of `measures.VECTORS`, which the recipe asks for
-    way_up: (
-        Tensor  # (3, N), world: straight up where the way out does not turn with the target, zero elsewhere
-    )
+    way_up: Tensor  # (3, N), world: straight up where the way out does not turn with the target, else zero
     lying: Tensor  # (N,), m, how far over the lift point a part is that is just raised: less than 0
 
 
@@ -212,7 +210,7 @@ def _at_steps(tables: RecipeTables, subtask: Tensor) -> _AtSteps:
     return _AtSteps(
         subtask, places, _columns(tables)[..., step], _is_point(step.device),
         turns[:, step].transpose(1, 2).contiguous(),
-        tables.group[step].unsqueeze(1), directions.permute(2, 1, 0).contiguous(),
+        tables.group[step].t().contiguous(), directions.permute(2, 1, 0).contiguous(),
         (up * ~tables.follows_axis[step]).t().contiguous(), OFF_GROUND - tables.waypoint[step, 2],
     )  # fmt: skip
 

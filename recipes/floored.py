@@ -1,0 +1,30 @@
+"""A chain of trained skills with a higher floor under their normalisers' deviations. Nothing is trained.
+
+    python recipes/floored.py task=table_lack scale=narrow floor=0.02 seed=0
+    python recipes/evaluate.py system=floored scale=narrow seed=0
+
+A skill whose inputs hardly varied in training takes a small change for a large one. This control shows how much of what
+a chaining method mends is only that. Policies and value networks are left as they are.
+"""
+
+from omegaconf import DictConfig
+
+from tstar_rl.chaining.chain import save_chain
+from tstar_rl.config import load_skills, plain, recipe
+from tstar_rl.runs.run import Run
+
+
+@recipe("floored", floor=float, from_checkpoint=str)
+def main(config: DictConfig) -> None:
+    """Raises the floor of every skill and saves the chain; logs how many inputs stood below it."""
+    run = Run(plain(config))
+    run.start()
+    skills = load_skills(config, checkpoint=config.from_checkpoint)
+    for index, skill in enumerate(skills):
+        run.log(0, skill=index, raised_inputs=skill.normalizer.raise_to(config.floor))
+    save_chain(skills, run.work / "last", recipe=config.system, env_steps=0)
+    run.finish()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,98 @@
+"""The wiring of the chaining recipes, on a chain that trains in seconds."""
+
+import pytest
+import torch
+from tensordict import TensorDict
+
+from tstar_rl.chaining.chain import load_chain
+from tstar_rl.chaining.skill import Skill
+from tstar_rl.chaining.turns import Turn
+
+NUM_SKILLS = 4
+
+
+def place(y: float, x: float) -> torch.Tensor:
+    observation = torch.zeros(1, 72)
+    observation[0, 0], observation[0, 1] = x, y
+    return observation
+
+
+def test_d_omega_says_from_where_the_next_skill_succeeds(point_chain, tmp_path):
+    """Skill 1 succeeds from y > 0 only, so that its initiation set lies there and skill 0 ends on both sides."""
+    point_chain("tstar", "chain.gate=false", "chain.links=2", "chain.steps_per_turn=4096")
+    skills = load_chain(tmp_path / "runs/table_lack/tstar/seed0/last")
+    above, below = (float(skills[1].d_omega(place(y, 1.2)).detach()) for y in (0.5, -0.5))
+    assert above > below + 0.15, (above, below)
+
+
+def test_a_success_is_paid_what_the_next_skill_says_of_the_state_that_was_reached(point_chain, monkeypatch):
+    paid = []
+    log = Turn.log
+
+    def check(turn, rollout, row):
+        following = rollout["next"]
+        won = following["success"].squeeze(-1)
+        if turn.following is None:
+            assert "reward_tsr" not in following.keys()
+        else:
+            said = turn.following.d_omega(following["observation"]).clamp(0, 1) * following["success"]
+            torch.testing.assert_close(following["reward_tsr"], said)
+            paid.append((turn.index, float(following["reward_tsr"][won].mean())))
+        expected = 0.05 * (0.5 * following["reward_env"] + 0.5 * following["reward_gail"])
+        if turn.following is not None:
+            expected = expected + 0.05 * 10_000 * following["reward_tsr"]
+        torch.testing.assert_close(following["reward"], expected)
+        log(turn, rollout, row)
+
+    monkeypatch.setattr(Turn, "log", check)
+    table = point_chain("tstar", "chain.gate=false")
+    assert {index for index, _ in paid} == set(range(NUM_SKILLS - 1))  # the last skill has no next
+    assert all(mean > 0 for _, mean in paid)
+    assert table[table.skill == NUM_SKILLS - 1].d_omega_initiation_score.isna().all()
+
+
+def test_t_star_makes_the_first_skill_end_where_the_second_can_start(point_chain, tmp_path):
+    """Skill 0 succeeds at any y. Paid by d_omega it moves to y > 0 first; without it nothing tells it to."""
+    moved = {}
+    for recipe in ("tstar", "policy_sequencing"):
+        point_chain(
+            recipe, "chain.gate=false", "chain.links=2", "chain.rounds=2", "chain.steps_per_turn=4096"
+        )
+        skill = load_chain(tmp_path / f"runs/table_lack/{recipe}/seed0/last")[0]
+        states = torch.cat([place(y, 0.5) for y in torch.linspace(-1, 1, 21).tolist()])
+        with torch.no_grad():
+            loc = skill.policy.get_dist(TensorDict({"observation": states}, [21])).mean
+        moved[recipe] = float(loc[:, 1].mean())
+    assert moved["tstar"] > moved["policy_sequencing"] + 0.1, moved
+
+
+@pytest.mark.parametrize("recipe", ["tstar", "policy_sequencing"])
+def test_episodes_begin_where_the_skill_before_ended(recipe, point_chain, monkeypatch):
+    """Of skill i a share begins past i + 0.2, where its own starts do not, and none where another skill ends."""
+    seen = {}
+    log = Turn.log
+
+    def note(turn, rollout, row):
+        start = rollout["start_observation"][..., 0] - turn.index
+        seen.setdefault(turn.index, []).append(start.flatten())
+        log(turn, rollout, row)
+
+    monkeypatch.setattr(Turn, "log", note)
+    point_chain(recipe, "chain.gate=false")
+    for index in range(NUM_SKILLS):
+        starts = torch.cat(seen[index])
+        assert starts.min() > -0.6 and starts.max() < 1.0
+        chained = float((starts > 0.2).float().mean())
+        assert chained == 0 if index == 0 else 0.2 < chained < 0.9, (index, chained)
+
+
+def test_a_floor_raised_after_the_fact_changes_the_inputs_alone(point_chain, tmp_path):
+    table = point_chain("floored", "scale=laptop", "floor=0.7")
+    assert (table.raised_inputs > 0).all() and table.skill.tolist() == list(range(NUM_SKILLS))
+    for index, skill in enumerate(load_chain(tmp_path / "runs/table_lack/floored/seed0/last")):
+        first = Skill.load(tmp_path / f"runs/table_lack/gail_ppo/seed0/subtask{index}/last")
+        assert bool((skill.normalizer.scale >= 0.7 - 1e-6).all()) and bool(
+            (first.normalizer.scale < 0.7).any()
+        )
+        for name, value in first.policy.named_parameters():
+            assert torch.equal(value, dict(skill.policy.named_parameters())[name])

@@ -1,0 +1,246 @@
+"""Trials of a chain and the gate that they decide, on a chain that trains in seconds."""
+
+import math
+from copy import deepcopy
+
+import pandas as pd
+import pytest
+import torch
+from point_chain import PointChain, make_skills
+
+from tstar_rl.chaining.calibration import area_under_curve
+from tstar_rl.chaining.chain import load_chain
+from tstar_rl.chaining.gate import Gate, GateSettings
+from tstar_rl.chaining.skill import Skill
+from tstar_rl.chaining.training import Training
+from tstar_rl.chaining.trials import Trial, run_trial
+from tstar_rl.chaining.turns import Turn
+from tstar_rl.rollouts.collection import with_starts
+
+
+@pytest.fixture
+def skills(tmp_path) -> list[Skill]:
+    make_skills(tmp_path)
+    return [Skill.load(tmp_path / f"runs/table_lack/gail_ppo/seed0/subtask{i}/last") for i in range(4)]
+
+
+def test_a_trial_says_where_every_skill_began_and_how_it_did(skills):
+    """Skill 0 ends at any y; skill 1 then fails where y < 0, and whoever gets past it succeeds to the end."""
+    n = 64
+    trial = run_trial(skills, with_starts(PointChain("table_lack", n, None, seed=3)))
+    sides = trial.skills[1].starts[:, 1] > 0
+    above = int(sides.sum())
+    assert 0 < above < n and torch.equal(trial.skills[1].succeeded, sides)
+    assert trial.completed.unique().tolist() == [1, 4] and int((trial.completed == 4).sum()) == above
+    assert trial.progress == pytest.approx((above * 4 + (n - above)) / (4 * n))
+    assert [len(skill.starts) for skill in trial.skills] == [n, n, above, above]
+    assert [skill.success for skill in trial.skills] == [1, above / n, 1, 1]
+    for index, skill in enumerate(trial.skills):
+        x = skill.ends["observation"][:, 0]
+        assert len(x) == int(skill.succeeded.sum()) and bool(((x > index + 1) & (x < index + 2)).all())
+        assert torch.equal(skill.ends["snapshot", "physics"][:, 0].float(), x)
+        assert (skill.ends["snapshot", "task", "subtask"] == index + 1).all()
+    ends = trial.skills[0].ends["observation"]
+    assert torch.equal(ends, trial.skills[1].starts)  # where one ends the next begins
+
+
+def test_a_trial_of_a_shorter_chain_ends_where_the_chain_does(skills):
+    env = with_starts(PointChain("table_lack", 16, None, seed=3))
+    trial = run_trial(skills[:1], env)
+    assert trial.progress == 1 and len(trial.skills) == 1
+    assert trial.steps == int(env.base_env.steps.sum()) < 16 * 5
+
+
+def of_progress(number: float) -> Trial:
+    return Trial(torch.tensor([number]), [None], 10)  # pyright: ignore
+
+
+class Chain:
+    """Stands for a chain: its progress is a number, and its trials are counted."""
+
+    def __init__(self, number: float) -> None:
+        self.number, self.trials = number, []
+
+    def run_trial(self) -> Trial:
+        self.trials.append(self.number)
+        return of_progress(self.number)
+
+    def turn(self, gate: Gate, number: int, trained: float):
+        before, self.number = self.number, trained
+        return gate.judge(
+            number, lambda: setattr(self, "number", before), lambda: setattr(self, "number", trained)
+        )
+
+
+@pytest.mark.parametrize(("trained", "kept"), [(0.95, 0.95), (0.89, 0.89), (0.87, 0.9)])
+def test_a_turn_that_lost_more_than_the_margin_is_put_back(trained, kept):
+    chain = Chain(0.9)
+    judgement = chain.turn(Gate(GateSettings(True, 0.02, 1), chain.run_trial), 0, trained)
+    assert chain.number == kept and judgement.accepted == (kept == trained)
+    assert judgement.kept.progress == pytest.approx(kept)
+
+
+def test_a_trial_that_is_known_is_not_run_again_and_steps_are_counted_once():
+    chain = Chain(0.5)
+    gate = Gate(GateSettings(True, 0.0, 1), chain.run_trial)
+    found = [chain.turn(gate, turn, trained) for turn, trained in enumerate((0.6, 0.4, 0.7))]
+    assert chain.trials == [0.6, 0.5, 0.4, 0.7]  # before the first turn nothing is known
+    assert [each.accepted for each in found] == [True, False, True]
+    assert [each.steps for each in found] == [20, 10, 10]
+    resumed = Gate(GateSettings(True, 0.0, 1), chain.run_trial)
+    assert chain.turn(resumed, 3, 0.8).steps == 10  # the trial that it repeats was counted by the turn before
+    assert chain.trials[4:] == [0.8, 0.7] and chain.number == 0.8
+
+
+def test_without_rejections_the_chain_is_tried_every_so_many_turns():
+    chain = Chain(0.25)
+    gate = Gate(GateSettings(False, 0.0, 2), chain.run_trial)
+    found = [chain.turn(gate, turn, 0.1) for turn in range(2)]
+    assert found[0].kept is None and found[1].kept.progress == pytest.approx(0.1)
+    assert found[1].accepted is None and chain.number == 0.1
+
+
+def test_a_rejected_turn_puts_back_everything_that_it_changed(point_chain, monkeypatch):
+    """Networks of the skill, d_omega of the next, both sets, and what the optimisers remember."""
+    states = {}
+    rollouts = Turn.rollouts
+
+    def watched(turn):
+        states["before", turn.run.turn] = turn._state()
+        yield from rollouts(turn)
+        states["after", turn.run.turn] = turn._state()
+
+    def spoil(training, rollout):
+        """The policy walks backwards: the chain gets nowhere."""
+        if isinstance(training, Turn):
+            training.skill.policy[0][1].module[0][-1].bias.data[0] = -1.0
+        return finish(training, rollout)
+
+    finish = Training._finish_rollout
+    monkeypatch.setattr(Training, "_finish_rollout", spoil)
+    monkeypatch.setattr(Turn, "rollouts", watched)
+    table = point_chain("tstar", "chain.gate=true", "chain.links=2")
+    assert table.accepted.dropna().tolist() == [0, 0]
+    for turn in range(2):
+        before, after = flat(states["before", turn]), flat(states["after", turn])
+        assert before.keys() == after.keys() and any("d_omega" in name for name in before)
+        for name, value in before.items():
+            same = (
+                torch.equal(value, after[name]) if isinstance(value, torch.Tensor) else value == after[name]
+            )
+            assert same, (turn, name)
+
+
+def flat(state: dict, prefix: str = "") -> dict:
+    found = {}
+    for name, value in state.items():
+        inner = isinstance(value, dict)
+        found |= flat(value, f"{prefix}{name}.") if inner else {f"{prefix}{name}": deepcopy(value)}
+    return found
+
+
+@pytest.mark.parametrize("seed_episodes", [0, 32])
+def test_the_sets_begin_with_what_a_trial_of_the_chain_has_seen_or_empty(
+    seed_episodes, point_chain, monkeypatch
+):
+    sizes = []
+    rollouts = Turn.rollouts
+
+    def watched(turn):
+        if turn.run.turn == 0:
+            sizes.extend((len(s.initiation_set), len(s.termination_set)) for s in turn.chain.skills)
+        yield from rollouts(turn)
+
+    monkeypatch.setattr(Turn, "rollouts", watched)
+    point_chain("tstar", "chain.gate=false", f"chain.seed_episodes={seed_episodes}")
+    if not seed_episodes:
+        assert sizes == [(0, 0)] * 4
+    else:
+        assert sizes[0] == (32, 32) and sizes[1] == sizes[2] == sizes[3] and 0 < sizes[1][0] < 32
+
+
+def test_what_a_chain_carries_over_goes_on_after_a_kill(point_chain, monkeypatch, tmp_path):
+    """A run that is killed in its second skill's second turn and resumed writes the same table as one that was not."""
+    values = ("chain.gate=true", "chain.rounds=2", "chain.links=2", "chain.carry_over=true")
+    whole = point_chain("tstar", *values, "system=whole")
+    finish = Training._finish_rollout
+
+    def killed(training, rollout):
+        if training.run.turn == 3:
+            raise KeyboardInterrupt
+        return finish(training, rollout)
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(Training, "_finish_rollout", killed)
+        point_chain("tstar", *values, "system=cut")
+    resumed = point_chain("tstar", *values, "system=cut")
+    pd.testing.assert_frame_equal(resumed, whole)
+    places = [tmp_path / f"runs/table_lack/{system}/seed0/last" for system in ("whole", "cut")]
+    for one, other in zip(*map(load_chain, places), strict=True):
+        assert all(torch.equal(v, other.policy.state_dict()[k]) for k, v in one.policy.state_dict().items())
+
+
+@pytest.mark.parametrize("carry_over", [True, False])
+def test_optimisers_and_simulations_are_carried_over_or_made_anew(carry_over, point_chain, monkeypatch):
+    seen = {}
+    rollouts = Turn.rollouts
+
+    def watched(turn):
+        ids = seen.setdefault(turn.index, [])
+        ids.append((id(turn.collection), turn.kept["update_policy"].updates))
+        seen.setdefault("objects", []).append(turn.collection)  # so that no id is used twice
+        yield from rollouts(turn)
+
+    monkeypatch.setattr(Turn, "rollouts", watched)
+    small = ("chain.links=2", "chain.rounds=2", "chain.steps_per_turn=512", "chain.trial_every=4")
+    point_chain("tstar", "chain.gate=false", *small, f"chain.carry_over={str(carry_over).lower()}")
+    for index in range(2):
+        (first, none), (second, updates) = seen[index]
+        assert (first == second) is carry_over and none == 0 and updates == (1 if carry_over else 0)
+
+
+@pytest.mark.parametrize("d_omega_of", ["next", "own"])
+def test_whose_d_omega_a_turn_trains(d_omega_of, point_chain, monkeypatch):
+    table = point_chain("tstar", "chain.gate=false", f"chain.d_omega_of={d_omega_of}")
+    trained = table.dropna(subset=["d_omega_loss_discriminator"]).skill.unique().tolist()
+    assert trained == ([0, 1, 2] if d_omega_of == "next" else [1, 2, 3])
+
+
+@pytest.mark.parametrize("kept_states", ["all", "chained"])
+def test_which_terminal_states_are_kept(kept_states, point_chain, monkeypatch):
+    """Skill 1's own starts have y > 0.2. Where only chained starts count, a share of its ends has y below that."""
+    counted = {}
+    log = Turn.log
+
+    def note(turn, rollout, row):
+        won = rollout["next", "success"].squeeze(-1)
+        chained = rollout["start_chained"].squeeze(-1) if turn.index else torch.ones_like(won)
+        here = counted.setdefault(turn.index, [0, 0])
+        here[0] += int((won & chained).sum())
+        here[1] += int(won.sum())
+        counted[turn.index, "added"] = turn.skill.termination_set.added
+        log(turn, rollout, row)
+
+    monkeypatch.setattr(Turn, "log", note)
+    point_chain("tstar", "chain.gate=false", "chain.seed_episodes=0", f"chain.kept_states={kept_states}")
+    for index in range(4):
+        chained, won = counted[index]
+        assert counted[index, "added"] == (won if kept_states == "all" else chained)
+        assert chained == won if index == 0 else 0 < chained < won
+
+
+def test_the_log_says_how_d_omega_does(point_chain):
+    table = point_chain("tstar", "chain.gate=true", "chain.links=2", "d_omega.steps=256")
+    ends = table.dropna(subset=["trial_progress"])
+    assert ends.skill.tolist() == [0, 1] and (ends.trial_steps > 0).all()
+    first = ends.iloc[0]
+    assert first.handed == 64 and 0 < first.next_success < 1
+    assert first.d_omega_auc > 0.9 and first.d_omega_sd > 0.05
+    assert math.isnan(ends.iloc[1].d_omega_auc)
+
+
+def test_area_under_curve_by_hand():
+    # Successes .9 and .4, failures .5 and .4: of four pairs two are right, one is a tie, one is wrong.
+    scores, outcomes = torch.tensor([0.9, 0.4, 0.5, 0.4]), torch.tensor([True, True, False, False])
+    assert area_under_curve(scores, outcomes) == (2 + 0.5) / 4
+    assert math.isnan(area_under_curve(scores, torch.ones(4, dtype=torch.bool)))

@@ -1,0 +1,103 @@
+"""A declared experiment: its arms and steps, what waits for another arm, and what is published of it."""
+
+import pandas as pd
+import pytest
+import yaml
+from hydra import compose, initialize_config_dir
+
+from tstar_rl.config.load import CONFIGS, plain
+from tstar_rl.launch.experiment import parse_experiment, publish, with_bonus, without_bonus
+
+SMALL = {
+    "name": "small",
+    "page": "docs/method.md",
+    "scale": "quick",
+    "tasks": ["table_lack"],
+    "seeds": [7, 8],
+    "arms": [
+        {"name": "no_finetuning", "recipe": "no_finetuning"},
+        {"name": "paid", "recipe": "policy_sequencing", "bonus_of": "tstar"},
+        {"name": "tstar", "recipe": "tstar", "overrides": ["d_omega.steps=3"]},
+        {"name": "gaussian", "recipe": "policy_sequencing", "seeds": [8]},
+    ],
+}
+
+
+def test_the_steps_of_a_seed():
+    steps = parse_experiment(SMALL).steps(2, 7)
+    assert [step[0] for step in steps[:6]] == ["make_demonstrations", "gail_ppo", "evaluate"] * 2
+    chains = [(step[0], step[1].removeprefix("system=")) for step in steps[6:]]
+    assert chains == [
+        ("evaluate", "no_finetuning"),  # has nothing to train
+        ("tstar", "tstar"),
+        ("evaluate", "tstar"),
+        ("policy_sequencing", "paid"),  # after the arm whose bonus it takes
+        ("evaluate", "paid"),
+    ]
+    assert "d_omega.steps=3" in steps[7] and "bonus_of=tstar" in steps[9]
+
+
+def test_an_arm_may_have_fewer_seeds():
+    experiment = parse_experiment(SMALL)
+    assert [arm.name for arm in experiment.arms_of(7)] == ["no_finetuning", "tstar", "paid"]
+    assert "gaussian" in [arm.name for arm in experiment.arms_of(8)]
+    shared = experiment.shared("table_lack", 7)
+    assert "seed=7" in shared and "results_dir=results/small" in shared
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"arm": []}, "experiment has no arm; it has name, page, scale"),
+        ({"arms": [{"name": "a"}]}, "an arm of the experiment lacks recipe"),
+        ({"arms": [{"name": "a", "recipe": "tstar"}] * 2}, "two arms of one name: a, a"),
+        (
+            {"arms": [{"name": "a", "recipe": "policy_sequencing", "bonus_of": "b"}]},
+            "a has the bonus of b; seed 7 has a",
+        ),
+    ],
+)
+def test_what_is_no_experiment_is_refused(change, message):
+    with pytest.raises(ValueError, match=message):
+        parse_experiment({**SMALL, **change})
+
+
+def test_a_bonus_is_known_once_its_arm_is_trained(tmp_path):
+    step = ("policy_sequencing", "system=paid", "bonus_of=tstar")
+    assert without_bonus(step) == step[:2]
+    with pytest.raises(FileNotFoundError):
+        with_bonus(step, tmp_path, "table_lack", 7)
+    folder = tmp_path / "table_lack/tstar/seed7"
+    folder.mkdir(parents=True)
+    rows = {"episodes": [10, 30], "success_rate": [1.0, 0.5], "tsr_on_success": [0.2, 0.4]}
+    pd.DataFrame(rows).to_csv(folder / "metrics.csv", index=False)
+    # Ten successes of .2 and fifteen of .4: a mean of 8 / 25.
+    assert with_bonus(step, tmp_path, "table_lack", 7) == (*step[:2], "bonus=0.32")
+
+
+def test_finished_runs_are_published_and_others_are_not(tmp_path):
+    done, going = (tmp_path / f"a/table_lack/{arm}/seed7" for arm in ("tstar", "paid"))
+    for folder in (done, going):
+        folder.mkdir(parents=True)
+        (folder / "metrics.csv").write_text("env_steps\n1\n")
+    (done / "evaluation.csv").write_text("progress\n1\n")
+    (done / "timing.csv").write_text("minutes\n1\n")
+    written = publish(tmp_path / "a", tmp_path / "b")
+    assert [file.relative_to(tmp_path).as_posix() for file in written] == [
+        "b/table_lack/tstar/seed7/metrics.csv",
+        "b/table_lack/tstar/seed7/evaluation.csv",
+    ]
+
+
+@pytest.mark.parametrize("path", sorted((CONFIGS / "experiment").glob("*.yaml")), ids=lambda path: path.stem)
+def test_every_declared_experiment_can_be_run(path):
+    """Its page is there, no seed has tuned a setting, and every training step has a config."""
+    experiment = parse_experiment(yaml.safe_load(path.read_text()))
+    assert (CONFIGS.parent / experiment.page).is_file() and experiment.name == path.stem
+    assert not set(experiment.seeds) & {0, 1, 2}
+    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
+        for task in experiment.tasks:
+            shared = experiment.shared(task, experiment.seeds[0])
+            for step in experiment.steps(1, experiment.seeds[0]):
+                config = compose(f"recipe/{step[0]}", [*shared, *without_bonus(step)[1:]])
+                assert config.seed == experiment.seeds[0] and plain(config)["task"]["name"] == task

@@ -1,0 +1,152 @@
+"""Which steps of a pipeline are done, by files with made-up times, and that recipes leave out what is done."""
+
+import os
+from pathlib import Path
+
+import pandas as pd
+import pytest
+import yaml
+from hydra import initialize_config_dir
+from recipe_runs import load_recipe
+
+from tstar_rl.config.load import CONFIGS, plain
+from tstar_rl.launch.steps import is_done, missing, step_config, step_files
+from tstar_rl.runs.checkpoint import CheckpointMismatchError
+
+SUBTASKS = 4
+
+
+@pytest.fixture
+def shared(tmp_path):
+    """Values that every step is given, while Hydra's configs are there."""
+    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
+        yield ["scale=quick", *places(tmp_path)]
+
+
+def places(folder: Path) -> list[str]:
+    return [f"{name}_dir={folder / name}" for name in ("results", "runs", "demonstrations")]
+
+
+def finish(step: tuple[str, ...], shared: list[str], at: int, modes: tuple[str, ...] | None = None) -> None:
+    """Leaves behind what a step does, written `at` some second."""
+    config = step_config(step, shared)
+    for file in step_files(step, config):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        if step[0] == "evaluate":
+            number = (
+                config.evaluation.whole_episodes if config.subtask is None else config.evaluation.episodes
+            )
+            rows = [
+                {"checkpoint": "last", "mode": mode, "seed": config.seed, "episodes": number}
+                for mode in modes or config.modes
+            ]
+            pd.DataFrame(rows).to_csv(file, index=False)
+        else:
+            file.write_text("{}")
+        os.utime(file, (at, at))
+    if step[0] not in ("evaluate", "make_demonstrations"):
+        results = Path(config.results_dir) / step_files(step, config)[0].parent.relative_to(config.runs_dir)
+        results.mkdir(parents=True, exist_ok=True)
+        (results / "config.yaml").write_text(yaml.safe_dump(plain(config)))
+
+
+TRAIN, EVALUATE = ("gail_ppo", "subtask=1"), ("evaluate", "system=gail_ppo", "subtask=1")
+CHAIN, TRIED = ("tstar",), ("evaluate", "system=tstar")
+
+
+@pytest.mark.parametrize(("train", "evaluate"), [(TRAIN, EVALUATE), (CHAIN, TRIED)])
+def test_an_evaluation_is_done_if_it_is_not_older_than_its_training(shared, train, evaluate):
+    assert missing([train, evaluate], shared) == [train, evaluate]
+    finish(evaluate, shared, at=100)  # a table of a run that is gone
+    assert missing([train, evaluate], shared) == [train, evaluate]
+    finish(train, shared, at=101)
+    assert missing([train, evaluate], shared) == [evaluate]
+    finish(evaluate, shared, at=101)
+    assert missing([train, evaluate], shared) == []
+    assert missing([train, evaluate], [*shared, "seed=1"]) == [train, evaluate]
+    assert missing([train, evaluate], [*shared, "resume=false"]) == [train, evaluate]
+
+
+def test_an_evaluation_without_fine_tuning_is_as_old_as_the_newest_skill_allows(shared):
+    step = ("evaluate", "system=no_finetuning")
+    for index in range(SUBTASKS):
+        finish(("gail_ppo", f"subtask={index}"), shared, at=10 + index)
+    finish(step, shared, at=13)
+    assert is_done(step, shared)
+    finish(("gail_ppo", "subtask=2"), shared, at=14)
+    assert not is_done(step, shared)
+    assert not is_done(step, [*shared, "skills=others"])
+    assert not is_done(("evaluate", "system=no_finetuning_narrow", "chain.links=2"), shared)
+
+
+def test_an_evaluation_has_all_modes_and_the_episodes_that_are_asked_for(shared):
+    finish(TRAIN, shared, at=1)
+    finish(EVALUATE, shared, at=2, modes=("deterministic",))
+    assert not is_done(EVALUATE, shared) and is_done((*EVALUATE, "modes=[deterministic]"), shared)
+    finish(EVALUATE, shared, at=2)
+    assert is_done(EVALUATE, shared)
+    assert not is_done((*EVALUATE, "evaluation.episodes=777"), shared)
+    assert is_done((*EVALUATE, "evaluation.whole_episodes=777"), shared)  # this is one subtask
+    assert not is_done((*EVALUATE, "checkpoints=[best]"), shared)
+
+
+def test_demonstrations_are_done_if_every_file_is_there(shared):
+    one = ("make_demonstrations", "subtask=0", "kinds=[noisy]")
+    finish(one, shared, at=1)
+    assert is_done(one, shared)
+    for other in (("kinds=[plain]", "subtask=0"), ("kinds=[noisy]",), ("whole=true", "kinds=[noisy]")):
+        assert not is_done(("make_demonstrations", *other), shared)
+
+
+def test_a_training_that_was_finished_with_another_config_is_no_step_that_is_done(shared):
+    finish(TRAIN, shared, at=1)
+    finish(CHAIN, shared, at=1)
+    with pytest.raises(CheckpointMismatchError, match=r"subtask1: ppo.epochs was .*is 7 now \(resume=false"):
+        is_done(TRAIN, [*shared, "ppo.epochs=7"])
+    with pytest.raises(CheckpointMismatchError, match="chain.rounds was 1 .* and is 9 now"):
+        is_done(CHAIN, [*shared, "chain.rounds=9"])
+    assert is_done(TRAIN, [*shared, "chain.rounds=9"])  # a skill's own training reads nothing of the chain
+    assert is_done(TRAIN, [*shared, "nthread=2", "evaluation.episodes=3"])
+    assert is_done(CHAIN, [*shared, "ppo.epochs=7"], ignored=["ppo"])
+
+
+@pytest.fixture
+def pipeline(call, monkeypatch, tmp_path):
+    """Calls a recipe that starts recipes; returns the steps that it runs, each of which leaves its files behind."""
+
+    def run(name: str, *values: str) -> list[tuple[str, ...]]:
+        steps, module = [], load_recipe(name)
+
+        def record(step, shared=(), line=0):
+            steps.append(step)
+            if step[0] != "plot":
+                finish(step, list(shared), at=len(steps))
+
+        monkeypatch.setattr(module, "launcher", lambda config: record)
+        if hasattr(module, "mean_bonus"):
+            monkeypatch.setattr(module, "mean_bonus", lambda metrics: 0.25)
+        call(name, *places(tmp_path), *values, module=module)
+        return steps
+
+    return run
+
+
+def test_assemble_runs_every_step_once(pipeline, tmp_path):
+    first = pipeline("assemble", "scale=quick", "processes=1")
+    assert len(first) == 2 * SUBTASKS + 5 + 2 + SUBTASKS + 1
+    finished = tmp_path / "runs/table_lack/policy_sequencing/seed0/finished.json"
+    finished.unlink()
+    again = pipeline("assemble", "scale=quick", "processes=1")
+    assert again == [
+        ("policy_sequencing", "seed=0"),
+        ("evaluate", "system=policy_sequencing", "seed=0"),
+        ("plot",),
+    ]
+
+
+def test_baselines_are_made_once(pipeline):
+    values = ["scale=whole_quick", "only=[bc,ppo]", "processes=1"]
+    assert [step[0] for step in pipeline("baselines", *values)] == [
+        "make_demonstrations", "bc", "evaluate", "ppo", "evaluate",
+    ]  # fmt: skip
+    assert pipeline("baselines", *values) == []

@@ -1,0 +1,81 @@
+"""The rows of the bench: what each is held against, the fronts alone, a chain, and what assemble.py took."""
+
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from hydra import compose, initialize_config_dir
+
+from tstar_rl.config.load import CONFIGS
+
+RECIPES = Path(__file__).resolve().parent.parent / "recipes"
+SMALL_CHAIN = [
+    "demonstrations.episodes=4",
+    "demonstrations.num_envs=4",
+    "bc.epochs=1",
+    "training.num_envs=4",
+    "training.horizon=8",
+    "chain.links=2",
+    "chain.steps_per_turn=64",
+    "chain.seed_episodes=4",
+    "chain.trial_episodes=4",
+    "chain.trial_max_steps=4",
+]
+
+
+@pytest.fixture(autouse=True)
+def _recipes(monkeypatch):
+    monkeypatch.syspath_prepend(RECIPES)
+
+
+def test_a_rate_is_held_against_the_bare_simulator_under_its_policy():
+    from bench import rows_of
+
+    rates = {"bare": [90.0, 100.0, 500.0], "bare_policy": [50.0], "env": [80.0], "train": [40.0]}
+    rows = {row["measure"]: row for row in rows_of(rates)}
+    assert rows["env"] == {
+        "measure": "env", "value": 80.0, "unit": "environment steps / s", "ratio_to_bare": 0.8
+    }  # fmt: skip
+    assert rows["train"]["ratio_to_bare"] == 0.8 and rows["bare_policy"]["ratio_to_bare"] == 1.0
+
+
+def test_one_simulation_has_its_milliseconds_and_its_rate():
+    from bench import rows_of
+
+    rows = {row["measure"]: row for row in rows_of({"bare_single": [2000.0], "single_dm": [250.0]})}
+    assert (rows["single_dm"]["value"], rows["single_dm"]["unit"]) == (4.0, "ms / step")
+    assert (rows["single_dm_rate"]["value"], rows["single_dm_rate"]["ratio_to_bare"]) == (250.0, 0.125)
+    assert rows["bare_single"]["value"] == 0.5
+
+
+def test_no_front_of_one_simulation_is_faster_than_its_simulator():
+    from bench_bare import single_rates
+
+    rates = single_rates("table_lack", 0, 20, seed=0)
+    assert rates.keys() == {"single_gymnasium", "single_dm", "bare_single"}
+    assert 0 < rates["single_dm"] < rates["bare_single"]
+
+
+def test_a_chain_learns_from_the_steps_of_its_turns(tmp_path):
+    import bench_chain
+
+    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
+        config = compose("recipe/tstar", [*SMALL_CHAIN, "chain.rounds=3"])
+        assert bench_chain._learned_from(config, 2) == 3 * 2 * 64
+        rates = bench_chain.chain_rates(SMALL_CHAIN, rounds=1, steps=2)
+    assert rates.keys() == {"bare_chain", "chain"} and 0 < rates["chain"] < rates["bare_chain"]
+
+
+def test_the_minutes_of_the_pipeline_are_those_of_one_seed_of_the_task(tmp_path):
+    from assemble import _note_minutes
+    from bench import assemble_row
+
+    values = [f"results_dir={tmp_path}"]
+    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
+        config, pipeline = (compose(f"recipe/{name}", values) for name in ("bench", "assemble"))
+    assert list(assemble_row(config, [])) == []
+    for seeds, minutes in ((1, 30.0), (1, 21.456), (3, 60.0)):
+        _note_minutes(pipeline, seeds, minutes)
+    assert len(pd.read_csv(tmp_path / "assemble.csv")) == 2  # the second run of one seed stands for the first
+    (row,) = assemble_row(config, [])
+    assert row == {"measure": "assemble_minutes", "value": 21.46, "unit": "minutes"}

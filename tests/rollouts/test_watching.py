@@ -1,0 +1,64 @@
+"""What is remembered of episodes to play them: states and steps of the first one, and what d_omega says at its ends."""
+
+import pytest
+import torch
+from tensordict import TensorDict
+
+from tstar_rl.rollouts.collection import with_starts
+from tstar_rl.rollouts.episodes import run_episodes
+from tstar_rl.rollouts.watching import EpisodeLog, d_omega_signal, record_episode
+
+
+def test_an_episode_is_remembered_up_to_its_end(make_env, policy):
+    env = with_starts(make_env(num_envs=5))
+    log = EpisodeLog(env.base_env)
+    last = run_episodes(env, policy, log)
+    assert torch.equal(log.lengths(), last["next", "step_count"].squeeze(-1))
+    assert log.successes().all()
+    for row in range(5):
+        episode = log.episode(row, "any")
+        steps = int(log.lengths()[row])
+        place = torch.from_numpy(episode["positions"])[:, 0]
+        assert (
+            place.shape == (steps + 1,) and place[0] <= 0.2 and place[-1] > 1
+        )  # from its start to its success
+        torch.testing.assert_close(place.diff(), torch.full((steps,), 0.4))
+        assert episode["reward"].shape == (steps,) and episode["reward"][-1] == pytest.approx(10.8)
+        assert torch.equal(torch.from_numpy(episode["positions"]), log.positions(row))
+
+
+def test_the_first_episode_that_ended_so_is_given(make_env):
+    def third_alone_succeeds(tensordict):
+        action = torch.full((4, 9), -0.8)
+        action[2] = 0.8
+        return tensordict.set("action", action)
+
+    signals = {"place": lambda step: step["next", "observation"][:, 0]}
+    for success, last in ((True, 1.2), (False, -1.2), (None, -1.2)):
+        env = with_starts(make_env(num_envs=4))
+        episode = record_episode(env, third_alone_succeeds, "any", success, signals)
+        assert episode["success"] is (success is True)
+        assert episode["series"]["place"][-1] == pytest.approx(last, abs=0.2)
+        assert len(episode["series"]["place"]) == len(episode["reward"])
+
+
+def test_where_none_ended_so_the_first_is_given(make_env, policy):
+    assert record_episode(with_starts(make_env()), policy, "any", success=False)["success"]
+
+
+def test_d_omega_of_the_next_skill_speaks_where_a_subtask_was_done():
+    # Rows: subtask 0 done, 1 goes on, 1 done, 2 (the last) done.
+    before, after = (torch.tensor(values).unsqueeze(-1) for values in ([0, 1, 1, 2], [1, 1, 2, 3]))
+    observation = torch.tensor([[0.25], [0.5], [0.75], [1.0]])
+    step = TensorDict({"subtask": before, "next": {"subtask": after, "observation": observation}}, [4])
+    said = d_omega_signal([lambda o: o + 0.5, lambda o: o + 0.5])(step)
+    torch.testing.assert_close(said, torch.tensor([0.75, torch.nan, 1.0, torch.nan]), equal_nan=True)
+
+
+def test_watch_writes_one_page_with_a_failure_and_a_success(call, tmp_path, capsys):
+    call("watch", "env.max_steps=100", "noise=0.8", "simulations=1", "subtask=0", f"runs_dir={tmp_path}")
+    said = capsys.readouterr().out.splitlines()
+    assert "disturbed: failure after" in said[0] and "scripted assembler: success after" in said[1]
+    assert said[2] == str(tmp_path / "watch.html")
+    assert [path.name for path in tmp_path.iterdir()] == ["watch.html"]
+    assert "leg_2 to table_top" in (tmp_path / "watch.html").read_text()

@@ -1,0 +1,87 @@
+"""Pictures of states, where this machine can draw."""
+
+import imageio.v3
+import numpy as np
+import pytest
+
+from tstar_envs import rendering
+from tstar_envs.furniture import load
+from tstar_envs.scene import build_model
+
+
+@pytest.fixture(scope="module")
+def model():
+    return build_model(load("table_lack"))
+
+
+@pytest.fixture(scope="module")
+def renderer(model):
+    renderer = rendering.make_renderer(model, 120, 160)
+    if renderer is None:
+        pytest.skip(rendering.NOTICE)
+    yield renderer
+    renderer.close()
+
+
+def test_a_state_becomes_a_picture_in_which_a_moved_leg_shows(model, renderer):
+    image = renderer.draw(model.qpos0)
+    assert image.shape == (120, 160, 3) and image.dtype == np.uint8 and image.std() > 10
+    moved = model.qpos0.copy()
+    moved[model.jnt_qposadr[model.joint("leg_1").id] + 2] += 0.2
+    assert (renderer.draw(moved) != image).any()
+    np.testing.assert_array_equal(renderer.draw(model.qpos0), image)
+
+
+def test_table_legs_and_arm_are_in_view(model, renderer):
+    """Each part and the hand changes the picture when it is taken away."""
+    image = renderer.draw(model.qpos0)
+    for body in ("leg_1", "leg_2", "leg_3", "leg_4", "table_top"):
+        away = model.qpos0.copy()
+        away[model.jnt_qposadr[model.joint(body).id]] += 50
+        assert (renderer.draw(away) != image).any(-1).sum() > 20, body
+    bent = model.qpos0.copy()
+    bent[1] += 0.5
+    assert (renderer.draw(bent) != image).any(-1).sum() > 20
+
+
+def test_files_are_written(tmp_path, model, renderer):
+    image = renderer.draw(model.qpos0)
+    rendering.write_png(tmp_path / "a" / "state.png", image)
+    np.testing.assert_array_equal(imageio.v3.imread(tmp_path / "a" / "state.png")[..., :3], image)
+    moved = model.qpos0.copy()
+    frames = []
+    for step in range(5):
+        moved[model.jnt_qposadr[model.joint("leg_1").id] + 2] = 0.1 * step
+        frames.append(renderer.draw(moved).copy())
+    rendering.write_mp4(tmp_path / "film.mp4", frames)
+    film = imageio.v3.imread(tmp_path / "film.mp4").astype(float)
+    assert film.shape == (5, *image.shape)
+    for index, frame in enumerate(film):  # compressed, but each is nearest to the picture that it shows
+        assert np.argmin([abs(frame - drawn).mean() for drawn in frames]) == index
+
+
+def test_mistakes_are_told(model, renderer):
+    with pytest.raises(ValueError, match="no camera is called 'above'; valid: 'workplace'"):
+        rendering.make_renderer(model, camera="above")
+    with pytest.raises(ValueError, match=r"shape \(44,\), got \(3,\)"):
+        renderer.draw(np.zeros(3))
+
+
+@pytest.mark.parametrize(
+    "asked, message",
+    [
+        ("", "neither EGL nor OSMesa works here.*libosmesa6"),
+        ("EGL", "MUJOCO_GL asks for egl, which does not"),
+    ],
+)
+def test_where_nothing_can_be_drawn_one_sentence_says_so(monkeypatch, model, asked, message):
+    monkeypatch.setenv("MUJOCO_GL", asked)
+    monkeypatch.setenv("PYOPENGL_PLATFORM", "")
+    monkeypatch.setattr(rendering.subprocess, "run", lambda *a, **k: type("Failed", (), {"returncode": 1}))
+    rendering.backend.cache_clear()
+    try:
+        with pytest.warns(UserWarning, match=message):
+            assert rendering.make_renderer(model) is None
+        assert rendering.make_renderer(model) is None
+    finally:
+        rendering.backend.cache_clear()

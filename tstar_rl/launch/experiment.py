@@ -1,0 +1,148 @@
+"""A declared experiment: its arms, and the steps that each of its seeds takes.
+
+An arm is a way of fine-tuning the same skills. The arms of one seed share demonstrations, skills, budget and trials.
+They are evaluated on the same starts.
+"""
+
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from tstar_rl.checks import InvalidValueError
+from tstar_rl.launch.side_by_side import Step, mean_bonus
+from tstar_rl.runs.run_folder import run_path
+
+__all__ = ["Arm", "DeclaredExperiment", "parse_experiment", "publish", "with_bonus", "without_bonus"]
+
+SKILLS = "gail_ppo"
+UNTRAINED = "no_finetuning"
+TABLES = ("config.yaml", "metrics.csv", "evaluation.csv")
+BONUS = "bonus_of="
+"""Stands in a step's values for a bonus that is known once another arm has been trained."""
+
+
+@dataclass(frozen=True)
+class Arm:
+    """One way of fine-tuning the same skills."""
+
+    name: str
+    recipe: str
+    """`no_finetuning` has nothing to train."""
+    overrides: tuple[str, ...] = ()
+    """Hydra overrides of its training."""
+    bonus_of: str | None = None
+    """Pays as `bonus` what another arm of the same seed was paid for a success, on average."""
+    seeds: tuple[int, ...] | None = None
+    """None: those of the experiment."""
+
+    def steps(self) -> list[Step]:
+        """Training and evaluation, of a seed that is given with the values that all steps share."""
+        values = (f"system={self.name}", f"skills={SKILLS}", *self.overrides)
+        bonus = () if self.bonus_of is None else (f"{BONUS}{self.bonus_of}",)
+        training: list[Step] = [] if self.recipe == UNTRAINED else [(self.recipe, *values, *bonus)]
+        return [*training, ("evaluate", f"system={self.name}", f"skills={SKILLS}", "video=false")]
+
+
+@dataclass(frozen=True)
+class DeclaredExperiment:
+    """What is run, before it is run; `page` says why and how it will be read."""
+
+    name: str
+    page: str
+    scale: str
+    tasks: tuple[str, ...]
+    seeds: tuple[int, ...]
+    arms: tuple[Arm, ...]
+    overrides: tuple[str, ...] = ()
+    """Hydra overrides of every step."""
+
+    def shared(self, task: str, seed: int) -> list[str]:
+        """The values of every step of one seed on one task; its files lie in folders of the experiment's own."""
+        places = [f"{place}_dir={place}/{self.name}" for place in ("results", "runs", "demonstrations")]
+        return [f"task={task}", f"scale={self.scale}", f"seed={seed}", *places, *self.overrides]
+
+    def arms_of(self, seed: int) -> list[Arm]:
+        """The arms that a seed has, an arm after that whose bonus it needs."""
+        chosen = [arm for arm in self.arms if seed in (self.seeds if arm.seeds is None else arm.seeds)]
+        return sorted(chosen, key=lambda arm: arm.bonus_of is not None)
+
+    def steps(self, subtasks: int, seed: int) -> list[Step]:
+        """Demonstrations, skills and their evaluations, then every arm, one after another."""
+        steps: list[Step] = []
+        for index in range(subtasks):
+            one = f"subtask={index}"
+            steps += [("make_demonstrations", one), (SKILLS, one)]
+            steps += [("evaluate", f"system={SKILLS}", one, "video=false")]
+        return [*steps, *(step for arm in self.arms_of(seed) for step in arm.steps())]
+
+
+def parse_experiment(values: Mapping[str, Any]) -> DeclaredExperiment:
+    """An experiment from plain values, as in `configs/experiment`.
+
+    Raises:
+        InvalidValueError: for a field that is not known or missing, two arms of one name, an arm whose bonus is that of
+            an arm that does not exist or has other seeds.
+    """
+    fields, arm_fields = DeclaredExperiment.__dataclass_fields__, Arm.__dataclass_fields__
+    _check_names("experiment", values, fields, ("name", "page", "scale", "tasks", "seeds", "arms"))
+    arms = []
+    for one in values["arms"]:
+        _check_names("an arm of the experiment", one, arm_fields, ("name", "recipe"))
+        arms.append(Arm(**{k: tuple(v) if isinstance(v, (list, tuple)) else v for k, v in one.items()}))
+    names = [arm.name for arm in arms]
+    if len(set(names)) < len(names):
+        raise InvalidValueError(f"experiment.arms has two arms of one name: {', '.join(names)}")
+    plain = {k: tuple(v) if isinstance(v, (list, tuple)) else v for k, v in values.items()}
+    experiment = DeclaredExperiment(**{**plain, "arms": tuple(arms)})
+    for arm in arms:
+        for seed in experiment.seeds if arm.seeds is None else arm.seeds:
+            there = [each.name for each in experiment.arms_of(seed)]
+            if arm.bonus_of is not None and arm.bonus_of not in there:
+                raise InvalidValueError(
+                    f"experiment.arms: {arm.name} has the bonus of {arm.bonus_of}; seed {seed} has {', '.join(there)}"
+                )
+    return experiment
+
+
+def _check_names(what: str, values: Mapping[str, Any], known: Any, needed: tuple[str, ...]) -> None:
+    unknown = [str(name) for name in values if name not in known]
+    lacks = [name for name in needed if name not in values]
+    if unknown or lacks:
+        wrong = f"has no {', '.join(unknown)}" if unknown else f"lacks {', '.join(lacks)}"
+        raise InvalidValueError(f"{what} {wrong}; it has {', '.join(known)}")
+
+
+def without_bonus(step: Step) -> Step:
+    """A step less a bonus that is not known yet."""
+    return tuple(value for value in step if not value.startswith(BONUS))
+
+
+def with_bonus(step: Step, results: str | Path, task: str, seed: int) -> Step:
+    """A step in which the bonus of another arm is a number, once that arm has been trained.
+
+    Raises:
+        FileNotFoundError: if it has not.
+    """
+    values = []
+    for value in step:
+        if value.startswith(BONUS):
+            metrics = run_path(results, task, value.removeprefix(BONUS), seed) / "metrics.csv"
+            value = f"bonus={mean_bonus(metrics)}"
+        values.append(value)
+    return tuple(values)
+
+
+def publish(source: str | Path, target: str | Path) -> list[Path]:
+    """Copies the tables of every run below `source` to the same place below `target`; returns the files written."""
+    written = []
+    for file in sorted(Path(source).rglob("evaluation.csv")):
+        for name in TABLES:
+            here = file.with_name(name)
+            if here.is_file():
+                there = Path(target) / here.relative_to(source)
+                there.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copyfile(here, there)
+                written.append(there)
+    return written

@@ -1,0 +1,126 @@
+"""Which steps of a pipeline are done: what every recipe that starts recipes asks before it starts one.
+
+A step is a recipe and its values. Its own config says where its results lie, so that nothing is guessed from its words.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import yaml
+from hydra import compose
+from omegaconf import DictConfig
+
+from tstar_rl.config.build import demonstrations_path
+from tstar_rl.config.chain import chain_length
+from tstar_rl.config.load import plain
+from tstar_rl.launch.side_by_side import Step
+from tstar_rl.runs.checkpoint import CheckpointMismatchError, differences
+from tstar_rl.runs.run import MACHINE_ONLY
+from tstar_rl.runs.run_folder import run_path
+
+__all__ = ["evaluated_runs", "is_done", "missing", "run_folder", "step_config", "step_files"]
+
+ONE_POLICY = ("bc", "ppo", "gail", "gail_ppo", "spirl")
+CHAINING = ("chain", "terminal_reward", "d_omega", "skills")
+"""Sections that the recipes of `ONE_POLICY` do not read. They may change after such a run has finished."""
+
+
+def step_config(step: Step, shared: Sequence[str] = ()) -> DictConfig:
+    """The config that a step would run with; needs Hydra's configs, which a recipe has.
+
+    Args:
+        step: recipe and values.
+        shared: values that come before the step's own, as in `run_recipe`.
+    """
+    name, *values = step
+    return compose(f"recipe/{name}", [*shared, *values])
+
+
+def is_done(step: Step, shared: Sequence[str] = (), ignored: Sequence[str] = ()) -> bool:
+    """Whether a step need not be run: its files are there, and not older than what they are made from.
+
+    Demonstrations are done if their files are there. A training is done if it has finished. An evaluation is done if
+    every run that it evaluates has finished before it, and its table has all modes with the number of episodes that is
+    asked for. With resume=false nothing is done.
+
+    Args:
+        step: recipe and values.
+        shared: values that come before the step's own.
+        ignored: sections of a training's config that may have changed since it finished.
+
+    Raises:
+        CheckpointMismatchError: if a training has finished with another config.
+    """
+    config = step_config(step, shared)
+    if not config.resume or not all(file.is_file() for file in step_files(step, config)):
+        return False
+    if step[0] == "make_demonstrations":
+        return True
+    if step[0] == "evaluate":
+        return _is_evaluated(config)
+    _check_config(config, (*MACHINE_ONLY, *ignored, *(CHAINING if step[0] in ONE_POLICY else ())))
+    return True
+
+
+def missing(steps: Sequence[Step], shared: Sequence[str] = (), ignored: Sequence[str] = ()) -> list[Step]:
+    """Those of the steps that are not done; takes and raises what `is_done` does."""
+    return [step for step in steps if not is_done(step, shared, ignored)]
+
+
+def step_files(step: Step, config: DictConfig) -> list[Path]:
+    """What is there once a step is done.
+
+    Args:
+        step: recipe and values.
+        config: the step's own.
+    """
+    if step[0] == "make_demonstrations":
+        parts = [None] if config.whole else range(config.task.subtasks)
+        subtasks = parts if config.subtask is None else [config.subtask]
+        return [demonstrations_path(config, part, kind) for part in subtasks for kind in config.kinds]
+    if step[0] == "evaluate":
+        return [run_folder(config, "results_dir") / "evaluation.csv"]
+    return [run_folder(config, "runs_dir") / "finished.json"]
+
+
+def run_folder(config: DictConfig, root: str) -> Path:
+    """Where a config's run lies below config.results_dir or config.runs_dir, whichever `root` names."""
+    return run_path(config[root], config.task.name, config.system, config.seed, config.subtask)
+
+
+def evaluated_runs(config: DictConfig) -> list[Path]:
+    """Folders below config.runs_dir of the runs that an evaluation of config.system evaluates.
+
+    That is one run; without fine-tuning it is the run of each skill of the chain.
+    """
+    if not Path(config.system).name.startswith("no_finetuning"):
+        return [run_folder(config, "runs_dir")]
+    skills = (config.runs_dir, config.task.name, config.skills, config.seed)
+    return [run_path(*skills, index) for index in range(chain_length(config))]
+
+
+def _is_evaluated(config: DictConfig) -> bool:
+    """Whether a table that is there is complete, and not older than the end of any run that it is of."""
+    file = run_folder(config, "results_dir") / "evaluation.csv"
+    ends = [run / "finished.json" for run in evaluated_runs(config)]
+    written = file.stat().st_mtime_ns
+    if not all(end.is_file() and end.stat().st_mtime_ns <= written for end in ends):
+        return False
+    table, evaluation = pd.read_csv(file), config.evaluation
+    number = evaluation.whole_episodes if config.subtask is None else evaluation.episodes
+    rows = table[(table.seed == config.seed) & (table.episodes == number)]
+    return set(config.modes) <= set(rows.loc[rows.checkpoint.isin(list(config.checkpoints)), "mode"])
+
+
+def _check_config(config: DictConfig, ignored: Sequence[str]) -> None:
+    """Raises CheckpointMismatchError if a training has finished with another config; `ignored` sections may differ."""
+    kept = run_folder(config, "results_dir") / "config.yaml"
+    if not kept.is_file():
+        return
+    saved: dict[str, Any] = yaml.safe_load(kept.read_text())
+    wanted = {name: value for name, value in plain(config).items() if name in saved and name not in ignored}
+    wrong = differences({name: saved[name] for name in wanted}, wanted)
+    if wrong:
+        raise CheckpointMismatchError(f"{kept.parent}: {'; '.join(wrong)} (resume=false starts over)")
