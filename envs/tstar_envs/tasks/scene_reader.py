@@ -189,9 +189,7 @@ class _AtSteps(NamedTuple):
     turns: Tensor  # (2, R, N), see `Measures`
     group: Tensor  # (parts, N) bool, parts that move along
     directions: Tensor  # (3, 3, N), world: the last of `measures.VECTORS`, which the recipe asks for
-    way_up: (
-        Tensor  # (3, N), world: straight up where the way out does not turn with the target, zero elsewhere
-    )
+    way_up: Tensor  # (3, N), world: straight up where the way out does not turn with the target, else zero
     lying: Tensor  # (N,), m, how far over the lift point a part is that is just raised: less than 0
 
 

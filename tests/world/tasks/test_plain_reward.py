@@ -8,7 +8,9 @@ from worlds import PIECES, make
 from tstar_envs import geometry
 
 
-@pytest.mark.parametrize("name", PIECES)
+@pytest.mark.parametrize(
+    "name", [*PIECES, "chair_bernhard", "table_dockstra"]
+)  # along an axis, from the side
 def test_every_step_of_noisy_episodes_pays_what_the_definition_says(name):
     world = make(6, None, 1, name)
     task, tables, expert = world.task, world.task.tables, world.expert()
@@ -33,6 +35,9 @@ def test_every_step_of_noisy_episodes_pays_what_the_definition_says(name):
         part = task.part_poses[torch.arange(6), tables.moving[k]]
         grasp = part[:, :3] + geometry.quat_rotate(part[:, 3:], tables.grasp_point[k])
         torch.testing.assert_close(now.grasp_point, grasp)
+        target = geometry.quat_to_matrix(task.part_poses[torch.arange(6), tables.target[k], 3:])
+        torch.testing.assert_close(now.way_out, tables.approach_direction(k, target))
+        assert torch.equal(now.retreat, tables.retreat[k])
         most = max(most, int(world.state["completed"].max()))
         if restart.any():
             world.reset(restart)
