@@ -1,6 +1,8 @@
 """Which steps of a pipeline are done, by files with made-up times, and that recipes leave out what is done."""
 
+import functools
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -10,6 +12,7 @@ from hydra import initialize_config_dir
 from recipe_runs import load_recipe
 
 from tstar_rl.config.load import CONFIGS, plain
+from tstar_rl.launch import steps
 from tstar_rl.launch.steps import is_done, missing, step_config, step_files
 from tstar_rl.runs.checkpoint import CheckpointMismatchError
 
@@ -27,9 +30,11 @@ def places(folder: Path) -> list[str]:
     return [f"{name}_dir={folder / name}" for name in ("results", "runs", "demonstrations")]
 
 
-def finish(step: tuple[str, ...], shared: list[str], at: int, modes: tuple[str, ...] | None = None) -> None:
+def finish(
+    step: tuple[str, ...], shared: Sequence[str], at: int, modes: tuple[str, ...] | None = None
+) -> None:
     """Leaves behind what a step does, written `at` some second."""
-    config = step_config(step, shared)
+    config = steps.step_config(step, shared)
     for file in step_files(step, config):
         file.parent.mkdir(parents=True, exist_ok=True)
         if step[0] == "evaluate":
@@ -114,19 +119,22 @@ def test_a_training_that_was_finished_with_another_config_is_no_step_that_is_don
 def pipeline(call, monkeypatch, tmp_path):
     """Calls a recipe that starts recipes; returns the steps that it runs, each of which leaves its files behind."""
 
+    composed = functools.cache(step_config)  # most of the time goes into this
+    monkeypatch.setattr(steps, "step_config", lambda step, shared=(): composed(step, tuple(shared)))
+
     def run(name: str, *values: str) -> list[tuple[str, ...]]:
-        steps, module = [], load_recipe(name)
+        taken, module = [], load_recipe(name)
 
         def record(step, shared=(), line=0):
-            steps.append(step)
+            taken.append(step)
             if step[0] != "plot":
-                finish(step, list(shared), at=len(steps))
+                finish(step, shared, at=len(taken))
 
         monkeypatch.setattr(module, "launcher", lambda config: record)
         if hasattr(module, "mean_bonus"):
             monkeypatch.setattr(module, "mean_bonus", lambda metrics: 0.25)
         call(name, *places(tmp_path), *values, module=module)
-        return steps
+        return taken
 
     return run
 
