@@ -79,3 +79,30 @@ def test_the_minutes_of_the_pipeline_are_those_of_one_seed_of_the_task(tmp_path)
     assert len(pd.read_csv(tmp_path / "assemble.csv")) == 2  # the second run of one seed stands for the first
     (row,) = assemble_row(config, [])
     assert row == {"measure": "assemble_minutes", "value": 21.46, "unit": "minutes"}
+
+
+def test_simulations_are_shared_out_among_processes(tmp_path):
+    from bench_growth import measured
+
+    values = ["growth.steps=2", "growth.least=1"]
+    one, two = (measured(values, 4, processes, 1) for processes in (1, 2))
+    assert (one["num_envs"], two["num_envs"], two["processes"]) == (4, 4, 2)
+    assert one["steps_per_second"] > 0 and one["setup_seconds"] > 0
+    assert two["megabytes"] > 1.5 * one["megabytes"]  # each process has its own Python and torch
+
+
+def test_a_process_that_fails_is_said_to_have():
+    from bench_growth import measured
+
+    with pytest.raises(RuntimeError, match="2 simulations ended early"):
+        measured(["subtask=99"], 2, 1, 1)
+
+
+def test_memory_is_flat_over_rollouts():
+    from bench_growth import memory
+
+    values = ["growth.rollouts=40", "growth.rollout_envs=2", "growth.rollout_horizon=4"]
+    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
+        rows = list(memory(compose("recipe/bench_growth", values)))
+    assert [row["rollouts"] for row in rows] == list(range(4, 41, 4))
+    assert rows[-1]["megabytes"] < 1.02 * rows[2]["megabytes"]
