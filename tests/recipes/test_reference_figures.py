@@ -53,7 +53,7 @@ def make_chain(folder: Path, recipe: str, *values: str) -> str:
     return (folder / f"results/table_lack/{recipe}/seed0/metrics.csv").read_text()
 
 
-CHAINS = {"tstar": (), "policy_sequencing": ("bonus=0.4")}
+CHAINS = {"tstar": (), "policy_sequencing": ("bonus=0.4",)}
 
 
 def test_a_skill(tmp_path):

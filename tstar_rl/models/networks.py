@@ -205,7 +205,7 @@ class Discriminator(nn.Module):
         super().__init__()
         self.network = network
         self.normalizer = normalizer
-        self.in_bfloat16 = False  # set by what trains it
+        self.coarse = False  # compute in bfloat16; set by what trains it
 
     def normalize(self, obs: Tensor) -> Tensor:
         """obs: (..., obs_dim) -> the same shape, as the network reads it."""
@@ -213,7 +213,7 @@ class Discriminator(nn.Module):
 
     def score(self, normalized: Tensor) -> Tensor:
         """normalized: (..., obs_dim) -> (..., 1), raw."""
-        return in_bfloat16(self.network, normalized) if self.in_bfloat16 else self.network(normalized)
+        return in_bfloat16(self.network, normalized) if self.coarse else self.network(normalized)
 
     def forward(self, obs: Tensor) -> Tensor:
         """obs: (..., obs_dim) -> (..., 1), raw."""

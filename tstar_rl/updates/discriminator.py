@@ -57,7 +57,7 @@ class DiscriminatorUpdate:
         seed: int = 0,
     ) -> None:
         self.name, self.settings = name, settings
-        network.in_bfloat16 = settings.bfloat16
+        network.coarse = settings.bfloat16
         self.loss = DiscriminatorLoss(network, labels, settings.gradient_penalty)
         self.optimizer = torch.optim.Adam(self.loss.parameters(), settings.learning_rate)
         self.device = next(network.parameters()).device
