@@ -72,6 +72,7 @@ def test_the_experts_actions(device, subtask):
 
 
 def test_random_actions(device):
+    """No part is pressed deep into the floor here: there Warp makes more contacts, see "One step" in decision 0011."""
     cpu = tstar_envs.load("table_lack", 3, 0, 1, seed=5)
     cpu.reset()
     generator = torch.Generator().manual_seed(0)
