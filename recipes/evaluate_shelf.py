@@ -3,7 +3,7 @@
 python recipes/evaluate_shelf.py                              # all pieces; tasks=[toy_table,chair_agne]: these alone
 
 Fresh episodes with start noise, earlier steps preassembled as `env.preassembled` says. Rows of one piece and seed
-replace those of the same piece and seed in <results_dir>/shelf/scripted.csv.
+replace those of the same piece and seed in <results_dir>/shelf_scripted.csv.
 """
 
 from pathlib import Path
@@ -25,7 +25,7 @@ KEPT = ("success", "success_low", "success_high", "progress", "episode_length")
 @recipe("evaluate_shelf", tasks=tuple[str, ...] | None)
 def main(config: DictConfig) -> None:
     """Evaluates every piece in turn and prints the table as it grows."""
-    path = Path(config.results_dir) / "shelf" / "scripted.csv"
+    path = Path(config.results_dir) / "shelf_scripted.csv"
     for task in config.tasks or sorted(file.stem for file in (CONFIGS / "task").glob("*.yaml")):
         values = OmegaConf.load(CONFIGS / "task" / f"{task}.yaml")
         rows = _rows(OmegaConf.merge(config, {"task": values}))  # pyright: ignore[reportArgumentType]

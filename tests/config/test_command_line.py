@@ -31,7 +31,7 @@ MISTAKES = [
     ("gail_ppo", ["+seed=1"], "An item is already at 'seed'. Either remove"),
     ("gail_ppo", ["seed=["], r"cannot read 'seed=\[': write key=value"),
     # an unknown option of a group
-    ("gail_ppo", ["task=table_lak"], "task must be one of chair_ingolf, .*configs/task.*did you mean table_lack"),
+    ("gail_ppo", ["task=table_lak"], "task must be one of bench_bjursta, .*configs/task.*did you mean table_lack"),
     ("gail_ppo", ["scale=huge"], "scale=huge: scale must be one of ablation, gpu, laptop"),
     ("ablate", ["ablation=lamda_3"], "ablation must be one of d_omega, .*did you mean lambda_3"),
     ("ablate", ["ablation=[lambda_3,strats]"], "ablation=strats: ablation must be .*did you mean starts"),

@@ -46,7 +46,7 @@ def test_the_shelf_is_evaluated_into_one_table(tmp_path):
     for task in ("chair_bernhard", "table_lack", "chair_bernhard"):
         done = run("evaluate_shelf", f"tasks=[{task}]", "env.velocity_scale=0.4", *values)
         assert done.returncode == 0, done.stderr
-    table = pd.read_csv(tmp_path / "a" / "results" / "shelf" / "scripted.csv")
+    table = pd.read_csv(tmp_path / "a" / "results" / "shelf_scripted.csv")
     assert table.groupby("task").subtask.apply(list).to_dict() == {
         "chair_bernhard": ["0", "1", "whole"], "table_lack": ["0", "1", "2", "3", "whole"]
     }  # fmt: skip
