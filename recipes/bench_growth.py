@@ -5,7 +5,7 @@
 Every row is measured in processes of its own: `setup_seconds` until the first observation, then random actions, resets
 and all; `megabytes` is the largest resident memory of all its processes together, what Python and torch take included.
 `load` is the machine's load average as the measurement began: it should be near zero. `growth_memory.csv` is the
-largest resident memory of one training's collection after so many rollouts, and should be flat.
+largest resident memory of one training's collection after a number of rollouts. It should be flat.
 """
 
 import os
@@ -61,7 +61,7 @@ def main(config: DictConfig) -> None:
 
 
 def measured(given: Sequence[str], size: int, processes: int, threads: int) -> dict[str, Any]:
-    """A row: `size` simulations, shared out among so many processes of so many threads each.
+    """A row: `size` simulations, shared out among `processes` processes of `threads` threads each.
 
     Args:
         given: values for the config.

@@ -63,7 +63,7 @@ def main(config: DictConfig) -> None:
 
 
 def _places(config: DictConfig, given: Iterable[str]) -> tuple[Path, dict[str, list[Path]]]:
-    """Where the table goes; and of each checkpoint that there is, the folders of its skills in order.
+    """The folder of the table, and for each checkpoint found the folders of its skills, in order.
 
     Args:
         config: its system, seed and subtask become those of config.path, where that is a run's.

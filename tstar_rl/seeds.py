@@ -19,9 +19,8 @@ PURPOSES = (
 def derive_seed(seed: int, purpose: str, *index: int | None) -> int:
     """A seed for a purpose and index of a run: what trains and what chooses never sees what is reported.
 
-    Purposes have seeds of their own. Within one, the same index is the same seed, whatever it counts and whichever
-    system asks: turn i of a chain trains with the seed that subtask i was trained with. An index of None, the whole
-    task, is 99; an index that is left out is 0.
+    Each purpose has seeds of its own. Within a purpose, the same index gives the same seed in every recipe. An index of
+    None (the whole task) counts as 99; an index that is left out counts as 0.
     """
     if purpose not in PURPOSES:
         raise ValueError(f"purpose must be one of {', '.join(PURPOSES)}; got {purpose!r}")

@@ -144,6 +144,21 @@ def test_a_discriminator_learns_to_tell_apart():
         update(expert=high, agent=low)
 
 
+@pytest.mark.parametrize("steps", [1, 5])
+def test_an_update_takes_the_steps_and_the_minibatch_that_are_asked_for(steps, monkeypatch):
+    torch.manual_seed(0)
+    settings = DiscriminatorSettings(steps=steps, minibatch=7)
+    update = DiscriminatorUpdate(
+        "f_phi", make_discriminator(72, hidden=(8,)), {"expert": 1.0, "agent": -1.0}, settings
+    )
+    sizes, draw = [], update._draw
+    monkeypatch.setattr(update, "_draw", lambda rows: sizes.append(len(draw(rows))) or draw(rows))
+    update(expert=torch.randn(20, 72), agent=torch.randn(30, 72))
+    assert sizes == [7] * 2 * steps
+    taken = [state["step"] for state in update.optimizer.state.values()]
+    assert taken and all(int(step) == steps for step in taken)
+
+
 def test_an_empty_set_is_no_update():
     network = make_discriminator(72)
     before = state_of(network)

@@ -135,7 +135,7 @@ def load_demonstrations(config: DictConfig, subtask: int | None) -> Demonstratio
 
 
 def load_skill(path: str | Path, **expected: Any) -> Skill | SpirlAgent:
-    """What a recipe saved at `path`, whichever of the two it is; raises what their `load` does."""
+    """The skill or the SPiRL agent saved at `path`; raises what their `load` does."""
     built = checkpoint.read_record(path)["built"]
     return (SpirlAgent if "latent_model" in built else Skill).load(path, **expected)
 

@@ -84,7 +84,7 @@ def chain_length(config: DictConfig) -> int:
     """How many skills are chained: chain.links, or all of the task's.
 
     Raises:
-        ValueError: if there cannot be so many.
+        ValueError: if chain.links is not between 2 and the number of subtasks.
     """
     subtasks, links = config.task.subtasks, config.chain.links
     if links is not None and not 2 <= links <= subtasks:

@@ -82,7 +82,7 @@ def check_machine(values: Mapping[str, Any]) -> None:
     """Checks that this machine has what a config asks for: the GPU, its simulator, Ray.
 
     Raises:
-        ConfigError: for a device that there is not.
+        ConfigError: for a device that this machine does not have.
         MissingExtraError: for an optional dependency, with the command that installs it.
     """
     device = values["device"]

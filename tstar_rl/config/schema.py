@@ -25,12 +25,12 @@ class TaskSection:
     name: str
     subtasks: int
     laptop_steps: int
-    """Environment steps that a skill is trained for at `scale=laptop`."""
+    """Environment steps of a skill's training at `scale=laptop`."""
 
 
 @dataclass(frozen=True)
 class DemonstrationsSection:
-    """How they are made, and which are learnt from."""
+    """How demonstrations are made, and which of them a recipe learns from."""
 
     episodes: int
     kind: str

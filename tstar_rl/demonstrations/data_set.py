@@ -52,9 +52,9 @@ class Demonstrations:
         return len(self.lengths)
 
     def to(self, device: torch.device | str) -> "Demonstrations":
-        """The same with what is learnt from on a device; snapshots stay."""
-        learnt = {name: getattr(self, name).to(device) for name in ("observations", "actions", "executed")}
-        return replace(self, **learnt)
+        """The same with the tensors that training reads on a device; snapshots stay."""
+        read = {name: getattr(self, name).to(device) for name in ("observations", "actions", "executed")}
+        return replace(self, **read)
 
     def save(self, path: str | Path) -> None:
         """Writes the file; one that is there stays whole until the new one is complete."""

@@ -30,7 +30,7 @@ _DONE_KEYS = ("done", "terminated", "truncated")
 
 
 def check_task(name: str, subtasks: int, settings: Mapping[str, Any]) -> None:
-    """Raises a ValueError for an unknown task, one without so many subtasks, or settings that it does not have."""
+    """Raises a ValueError for an unknown task, a wrong number of subtasks, or an unknown setting."""
     TaskSettings.from_mapping(settings)
     if (steps := len(library.load(name).steps)) != subtasks:
         raise ValueError(f"task.subtasks of {name} must be {steps}, the steps of its recipe, got {subtasks}")

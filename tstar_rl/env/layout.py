@@ -9,5 +9,5 @@ FINGERS = 1  # they close along the hand's y axis
 
 
 def observation_size(parts: int) -> int:
-    """Numbers in an observation of furniture of so many parts."""
+    """Numbers in an observation of furniture with `parts` parts."""
     return PARTS + 7 * parts + NUM_PHASES

@@ -30,7 +30,7 @@ def run_episodes(
 
     Args:
         env: from `with_starts`.
-        policy: reads and writes TensorDicts; how it samples is the caller's affair.
+        policy: reads and writes TensorDicts; it samples as TorchRL's `set_exploration_type` says.
         each_step: called with every step's TensorDict, batch [N]. A row is of use until its first "done".
         enough: subtasks after which an episode counts as ended too; None: the environment alone ends it.
 
@@ -70,7 +70,7 @@ def summarize(
         last: last steps of n episodes, batch [n].
         num_subtasks: K.
         subtask: the one that was run, or None for the whole task.
-        links: of a chain that does the first so many subtasks, which are then all there is to do; None: all.
+        links: number of subtasks that a shorter chain does; success is then that it has done these. None: all.
 
     Returns:
         episodes, progress (mean share of the subtasks to do that were done), success with its interval, and for

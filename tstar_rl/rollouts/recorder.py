@@ -16,8 +16,8 @@ class Recorder:
 
     Args:
         env: with `qpos_of`, `write_mp4` and `write_player`, and snapshots=True.
-        number: of the first so many simulations; None: of all, which takes 4 (nq + 5) bytes a step (200 episodes
-            of 800 steps: 31 MB); 0: of none.
+        number: how many simulations are recorded, from the first on; 0: none; None: all. That takes 4 (nq + 5) bytes a
+            step of each: 31 MB for 200 episodes of 800 steps.
         signals: what else to show of each step, by name.
     """
 

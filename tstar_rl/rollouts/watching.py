@@ -24,7 +24,8 @@ class EpisodeLog:
 
     Args:
         env: with `qpos_of`, and snapshots=True.
-        number: of the first so many simulations; None: of all, which takes 4 (nq + 5) bytes a step of each.
+        number: how many simulations are recorded, from the first on; None: all. That takes 4 (nq + 5) bytes a step of
+            each.
         signals: what else to remember of each step, by name.
     """
 

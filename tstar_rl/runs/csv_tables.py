@@ -51,7 +51,7 @@ class MetricsLog:
         """Keeps the first `rows` rows; the columns are those of the file.
 
         Raises:
-            LogError: if there are not so many; the file stays as it is.
+            LogError: if the file has fewer rows; it stays unchanged.
         """
         if rows == 0:
             self.path.unlink(missing_ok=True)

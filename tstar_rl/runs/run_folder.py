@@ -34,7 +34,7 @@ def run_path(root: str | Path, task: str, recipe: str, seed: int, subtask: int |
 
 
 def read_run_path(path: Path) -> tuple[Place, Path]:
-    """The inverse of `run_path`: which run a path is of, and what of the path follows the run's folder.
+    """The inverse of `run_path`: the run that a path belongs to, and the rest of the path below the run's folder.
 
     Args:
         path: relative to the root.

@@ -56,7 +56,7 @@ class RewardTransform(Transform):
         return reward_spec
 
     def read(self, tensordict: TensorDictBase, key: NestedKey) -> Tensor:
-        """tensordict[key], or a KeyError that says who wanted it and what there is."""
+        """tensordict[key], or a KeyError that names this transform, the key and the keys at hand."""
         value = tensordict.get(key, None)
         if value is None:
             raise KeyError(f"{type(self).__name__} needs {key!r}; got only {_names(tensordict)}")

@@ -94,7 +94,7 @@ class DiscriminatorUpdate:
         return dict(out.items())
 
     def _draw(self, rows: int) -> Tensor:
-        """Which of so many rows make the next minibatch."""
+        """Indices of the next minibatch, drawn from `rows` rows."""
         size = (self.settings.minibatch,)
         return torch.randint(rows, size, generator=self.generator, device=self.device)
 

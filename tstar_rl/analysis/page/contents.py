@@ -54,7 +54,7 @@ def read_contents(root: str | Path) -> Contents:
 
     Raises:
         FileNotFoundError: if there is no such file, or an experiment's folder has no README.md.
-        ValueError: for a field or a value that there is not, and for folders of results that the file leaves out.
+        ValueError: for an unknown field or value, and for a folder of results that the file does not name.
     """
     root = Path(root)
     file = root / FILE
