@@ -243,6 +243,11 @@ def test_the_log_says_how_d_omega_does(point_chain):
     assert math.isnan(ends.iloc[1].d_omega_auc)
 
 
+def test_a_d_omega_that_nothing_trains_is_not_judged(point_chain):
+    table = point_chain("policy_sequencing", "chain.gate=true", "chain.links=2")
+    assert "d_omega_auc" not in table and table.next_success.notna().sum() == 1
+
+
 def test_area_under_curve_by_hand():
     # Successes .9 and .4, failures .5 and .4: of four pairs two are right, one is a tie, one is wrong.
     scores, outcomes = torch.tensor([0.9, 0.4, 0.5, 0.4]), torch.tensor([True, True, False, False])

@@ -102,6 +102,11 @@ class ChainTraining:
         """The updates and the collection of skill `index`, by name; a turn adds those that it makes."""
         return self._kept.setdefault(index, {})
 
+    def has_made(self, name: str) -> bool:
+        """Whether any skill has an update of that name, made in this process or waiting in a checkpoint."""
+        waiting = any(each.partition("/")[2] == name for each in self._waiting)
+        return waiting or any(name in kept for kept in self._kept.values())
+
     def restore(self, index: int, name: str) -> None:
         """Loads the state that a checkpoint had of something which has just been made."""
         state = self._waiting.pop(f"{index}/{name}", None)

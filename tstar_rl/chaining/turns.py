@@ -109,18 +109,19 @@ class Turn(Training):
             self.run.turn, undo=lambda: self._load(self._before), redo=lambda: self._load(trained)
         )
         row = judgement.row(self.index)
-        return row if judgement.after is None else row | self._say_how_d_omega_does(judgement.after)
+        return row if judgement.after is None else row | self._say_how_the_next_does(judgement.after)
 
-    def _say_how_d_omega_does(self, trial: Trial) -> dict[str, float]:
-        """d_omega's scores of the states that the next skill was handed in a trial, against how it then did."""
+    def _say_how_the_next_does(self, trial: Trial) -> dict[str, float]:
+        """How the next skill did with the states it was handed in a trial, and what a trained d_omega says of them."""
         if self.following is None:
             return {}
         handed = trial.skills[self.index + 1]
+        found = {"handed": len(handed.starts), "next_success": handed.success}
+        if not self.chain.has_made("update_d_omega"):
+            return found
         with torch.no_grad():
             scores = self.following.d_omega(handed.starts).squeeze(-1)
-        return {
-            "handed": len(scores),
-            "next_success": handed.success,
+        return found | {
             "d_omega_auc": area_under_curve(scores, handed.succeeded),
             "d_omega_sd": float(scores.std()) if len(scores) > 1 else float("nan"),
         }
