@@ -82,6 +82,7 @@ def test_it_shows_tables_and_says_what_they_show(name, kernel, tmp_path):
     assert pictures >= 2 and "against" in text and "No table yet" not in text and "No finding yet" not in text
 
 
+@pytest.mark.slow
 @of_ablations
 def test_without_tables_it_says_what_makes_them(name, kernel, tmp_path):
     (tmp_path / "notebooks").mkdir()

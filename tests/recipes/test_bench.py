@@ -81,6 +81,7 @@ def test_the_minutes_of_the_pipeline_are_those_of_one_seed_of_the_task(tmp_path)
     assert row == {"measure": "assemble_minutes", "value": 21.46, "unit": "minutes"}
 
 
+@pytest.mark.slow
 def test_simulations_are_shared_out_among_processes(tmp_path):
     from bench_growth import measured
 
@@ -91,6 +92,7 @@ def test_simulations_are_shared_out_among_processes(tmp_path):
     assert two["megabytes"] > 1.5 * one["megabytes"]  # each process has its own Python and torch
 
 
+@pytest.mark.slow
 def test_a_process_that_fails_is_said_to_have():
     from bench_growth import measured
 
