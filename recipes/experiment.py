@@ -37,7 +37,9 @@ def main(config: DictConfig) -> None:
         raise InvalidValueError("say which: experiment=<name> of configs/experiment")
     declared = parse_experiment(plain(config)["experiment"])
     end = None if config.minutes is None else time.monotonic() + 60 * config.minutes
-    given = [value for value in HydraConfig.get().overrides.task if value.split("=")[0].split(".")[0] not in OWN]
+    given = [
+        value for value in HydraConfig.get().overrides.task if value.split("=")[0].split(".")[0] not in OWN
+    ]
     lanes: list[list[Step]] = []
     for seed in config.seeds or declared.seeds:
         for task in config.tasks or declared.tasks:
