@@ -67,7 +67,9 @@ def scene_xml(furniture: Furniture) -> str:
     spec = build_spec(furniture)
     model = spec.compile()
     for body in spec.bodies:
-        if body.explicitinertial:  # one whose place was left to the compiler would be written without its mass
+        if (
+            body.explicitinertial
+        ):  # one whose place was left to the compiler would be written without its mass
             body.ipos, body.iquat = model.body(body.name).ipos, model.body(body.name).iquat
     spec.compile()
     return spec.to_xml()

@@ -70,7 +70,9 @@ def read_contents(
             return reader.read(file)
     except DemonstrationError:
         raise
-    except Exception as error:  # HDF5, its filters and h5py each have errors of their own for what damage does
+    except (
+        Exception
+    ) as error:  # HDF5, its filters and h5py each have errors of their own for what damage does
         raise DemonstrationError(
             f"{path}{reader.place} cannot be read (damaged, truncated or not HDF5?): {error}"
         ) from error
@@ -146,14 +148,22 @@ class _Reader:
         key = f"obs/{self.observation_key}"
         for needed in ("actions", key):
             if needed not in group:
-                there = _listed(group) if "obs" not in group else f"{_listed(group)}; obs has {_listed(group['obs'])}"
+                there = (
+                    _listed(group)
+                    if "obs" not in group
+                    else f"{_listed(group)}; obs has {_listed(group['obs'])}"
+                )
                 hint = " (demonstrations.observation_key=... names another)" if needed == key else ""
                 raise self._wrong(f"has no {needed}{hint}; it has {there}")
         steps = group["actions"].shape[0] if group["actions"].shape else 0
         if (said := int(group.attrs.get("num_samples", steps))) != steps or not steps:
-            raise self._wrong(f"has {steps} actions, but its attribute num_samples is {said}; both should be 1 or more")
+            raise self._wrong(
+                f"has {steps} actions, but its attribute num_samples is {said}; both should be 1 or more"
+            )
         if not (group.attrs.get("success", True) or self.failures):
-            raise self._wrong("did not succeed; demonstrations.filter_key=successes leaves out those that failed")
+            raise self._wrong(
+                "did not succeed; demonstrations.filter_key=successes leaves out those that failed"
+            )
         found = {
             "observations": self._array(group, key, (steps, width), np.float32),
             "actions": self._array(group, "actions", (steps, 9), np.float32, limit=1.0),

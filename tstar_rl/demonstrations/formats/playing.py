@@ -14,10 +14,10 @@ from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 
 from tstar_rl.demonstrations.data_set import Demonstrations
-from tstar_rl.demonstrations.formats.recording import Episode, Recording
+from tstar_rl.demonstrations.formats.recording import Episode, Recording, differences
 from tstar_rl.rollouts.collection import with_starts
 
-__all__ = ["record", "replay", "replay_demonstrations"]
+__all__ = ["not_reproduced", "record", "replay", "replay_demonstrations"]
 
 STEP = ("reward_env", "terminated", "truncated", "success")
 
@@ -73,6 +73,22 @@ def replay_demonstrations(env: Any, demonstrations: Demonstrations) -> Recording
         f"scripted assembler, {demonstrations.kind} demonstrations",
         [replace(episode, labels=label, seed=seed) for episode, label, seed in together],
     )
+
+
+def not_reproduced(env: Any, recording: Recording) -> dict[int, list[str]]:
+    """The episodes that the simulator does not repeat to the bit from their first states, and what differs in each.
+
+    There is none on the CPU, with the version of MuJoCo that the recording was made with.
+
+    Args:
+        env: a `FurnitureEnv` with snapshots=True, of the arguments of the recording.
+        recording: its numbers are not looked at before they are compared.
+    """
+    episodes = recording.episodes
+    starts: TensorDictBase = torch.stack([one.states[0] for one in episodes])  # pyright: ignore[reportAssignmentType]
+    again = replay(env, starts, [one.actions for one in episodes])
+    found = {row: differences(*pair) for row, pair in enumerate(zip(episodes, again, strict=True))}
+    return {row: told for row, told in found.items() if told}
 
 
 @dataclass
