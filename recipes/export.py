@@ -33,7 +33,7 @@ from tstar_rl.runs.checkpoint import is_checkpoint
 from tstar_rl.seeds import derive_seed
 
 FORMATS = ("hdf5", "minari")
-KEYS = {"path": str | None, "name": str | None, "formats": tuple[str, ...], "exports_dir": str, "mode": str}
+KEYS = {"path": str | None, "dataset": str | None, "formats": tuple[str, ...], "exports_dir": str, "mode": str}
 
 
 @recipe("export", **KEYS, episodes=int, whole=bool, check=bool)
@@ -45,7 +45,7 @@ def main(config: DictConfig) -> None:
             raise InvalidValueError(f"formats must be of {', '.join(FORMATS)}; got {name!r}")
     if config.episodes < 1:
         raise InvalidValueError(f"episodes must be a whole number from 1, got {config.episodes}")
-    name = config.name or _name(config)
+    name = config.dataset or _name(config)
     for recording in _recordings(config):
         part, task = part_name(recording.arguments["subtask"]), config.task.name
         won = len(recording.successes.episodes)

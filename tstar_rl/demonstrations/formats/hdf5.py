@@ -64,8 +64,9 @@ def _fill(file: Any, recording: Recording) -> None:
     layout, xml = StateLayout.of(recording.episodes[0].states), model_xml(arguments["task"])
     name = gymnasium_id(arguments["task"])
     env_args = {"env_name": name, "env_version": "0", "type": GYMNASIUM, "env_kwargs": arguments}
-    data.attrs["env_args"] = json.dumps(env_args)
-    data.attrs["state_layout"] = layout.to_json()
+    # Text of fixed length lies in the group's header, which has a checksum; other text does not.
+    data.attrs["env_args"] = np.bytes_(json.dumps(env_args))
+    data.attrs["state_layout"] = np.bytes_(layout.to_json())
     data.attrs["made_by"] = recording.made_by
     data.attrs["mujoco_version"] = version("mujoco")
     data.attrs["total"] = sum(map(len, recording.episodes))

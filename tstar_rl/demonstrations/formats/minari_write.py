@@ -42,7 +42,10 @@ def write_minari(recording: Recording, dataset_id: str, root: str | Path) -> Pat
     Raises:
         MissingExtraError: Minari or h5py is not installed.
         InvalidValueError: the id is not one that Minari takes.
+        ValueError: there is no episode to write.
     """
+    if not recording.episodes:
+        raise ValueError(f"there is no episode to write to {dataset_id}")
     for library in ("minari", "h5py"):
         import_extra(library, "export", "a Minari data set")
     from minari.dataset.minari_dataset import parse_dataset_id
