@@ -33,7 +33,13 @@ from tstar_rl.runs.checkpoint import is_checkpoint
 from tstar_rl.seeds import derive_seed
 
 FORMATS = ("hdf5", "minari")
-KEYS = {"path": str | None, "dataset": str | None, "formats": tuple[str, ...], "exports_dir": str, "mode": str}
+KEYS = {
+    "path": str | None,
+    "dataset": str | None,
+    "formats": tuple[str, ...],
+    "exports_dir": str,
+    "mode": str,
+}
 
 
 @recipe("export", **KEYS, episodes=int, whole=bool, check=bool)

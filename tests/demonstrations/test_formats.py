@@ -1,4 +1,4 @@
-"""Episodes in other libraries' formats: their own readers find what was recorded, and it can be played again to the bit."""
+"""Episodes in other libraries' formats: their readers find what was recorded, and it can be played again to the bit."""
 
 import json
 from dataclasses import replace
@@ -108,7 +108,10 @@ def test_failures_and_cut_episodes_are_played_again_too(recording, tmp_path):
     assert found.episodes[0].truncated.tolist() == [False] * 4 + [True]
     assert not_reproduced(make(max_steps=5), found) == {}
     first = recording.episodes[0]
-    cut = {name: getattr(first, name)[:4] for name in ("actions", "rewards", "terminated", "truncated", "success")}
+    cut = {
+        name: getattr(first, name)[:4]
+        for name in ("actions", "rewards", "terminated", "truncated", "success")
+    }
     short = replace(first, observations=first.observations[:5], states=first.states[:5], **cut)
     assert not_reproduced(make(), replace(recording, episodes=[first, short])) == {}
 

@@ -17,8 +17,9 @@ from tstar_rl.demonstrations.formats.hdf5 import OBSERVATION_KEY, h5py
 
 __all__ = ["Contents", "read_contents"]
 
-OPTIONAL = ("expert_actions", "rewards", "terminations", "truncations", "successes", "states", "final_state")
-"""Arrays that are read where a demonstration has them; of the others only their names matter to other programs."""
+PER_STEP = ("rewards", "terminations", "truncations", "successes")
+STATES = ("states", "final_state")
+ACTIONS = ("actions", "expert_actions")
 
 
 @dataclass(frozen=True)
@@ -29,8 +30,8 @@ class Contents:
         task, subtask: what was done; subtask None is the whole task.
         settings: of the environment, as far as the file says.
         attributes: of the group `data`, less `env_args`.
-        demos: by name and in order, arrays by key: "observations" (T, O) and "actions" (T, 9) float32 in all of them,
-            and "next_observations" and those of `OPTIONAL` that the file has.
+        demos: by name and in order, arrays by key: "observations" (T, O) and "actions" (T, 9) float32 in all of them;
+            "next_observations", "expert_actions", and those of `PER_STEP` and `STATES` (float64), where they are there.
         seeds: of the environments, one for each demonstration; 0 where the file says nothing.
     """
 
@@ -148,61 +149,48 @@ class _Reader:
         key = f"obs/{self.observation_key}"
         for needed in ("actions", key):
             if needed not in group:
-                there = (
-                    _listed(group)
-                    if "obs" not in group
-                    else f"{_listed(group)}; obs has {_listed(group['obs'])}"
-                )
                 hint = " (demonstrations.observation_key=... names another)" if needed == key else ""
-                raise self._wrong(f"has no {needed}{hint}; it has {there}")
-        steps = group["actions"].shape[0] if group["actions"].shape else 0
+                below = f"; obs has {_listed(group['obs'])}" if "obs" in group else ""
+                raise self._wrong(f"has no {needed}{hint}; it has {_listed(group)}{below}")
+        shape = self._dataset(group, "actions").shape
+        steps = shape[0] if shape else 0
+        self.place = f": {name}"
         if (said := int(group.attrs.get("num_samples", steps))) != steps or not steps:
             raise self._wrong(
-                f"has {steps} actions, but its attribute num_samples is {said}; both should be 1 or more"
+                f"has {steps} actions, and num_samples is {said}; both should be the same, from 1"
             )
         if not (group.attrs.get("success", True) or self.failures):
             raise self._wrong(
                 "did not succeed; demonstrations.filter_key=successes leaves out those that failed"
             )
-        found = {
-            "observations": self._array(group, key, (steps, width), np.float32),
-            "actions": self._array(group, "actions", (steps, 9), np.float32, limit=1.0),
-        }
-        if (following := f"next_{key}") in group:
-            found["next_observations"] = self._array(group, following, (steps, width), np.float32)
-        for optional in OPTIONAL:
-            if optional in group:
-                found[optional] = self._optional(group, optional, steps)
+        shapes = {key: (steps, width), "actions": (steps, 9), "expert_actions": (steps, 9)}
+        shapes |= {f"next_{key}": (steps, width), **dict.fromkeys(PER_STEP, (steps,))}
+        for each, rows in (("states", (steps,)), ("final_state", ())):
+            if each in group:
+                shapes[each] = (*rows, *self._dataset(group, each).shape[-1:])
+        names = {key: "observations", f"next_{key}": "next_observations"}
+        found = {names.get(k, k): self._array(group, k, shape) for k, shape in shapes.items() if k in group}
         self.place = ""
         return found
 
-    def _optional(self, group: Any, key: str, steps: int) -> np.ndarray:
-        if key == "expert_actions":
-            return self._array(group, key, (steps, 9), np.float32, limit=1.0)
-        if key in ("states", "final_state"):
-            shape = group[key].shape[-1:]
-            return self._array(group, key, (steps, *shape) if key == "states" else shape, np.float64)
-        return self._array(group, key, (steps,), np.float32)
-
-    def _array(
-        self, group: Any, key: str, shape: tuple[int, ...], dtype: Any, limit: float | None = None
-    ) -> np.ndarray:
+    def _dataset(self, group: Any, key: str) -> Any:
         self.place = f": {group.name.rpartition('/')[2]}/{key}"
-        dataset = group[key]
-        if not hasattr(dataset, "shape"):
+        if not hasattr(group[key], "shape"):
             raise self._wrong("is a group, should be an array")
+        return group[key]
+
+    def _array(self, group: Any, key: str, shape: tuple[int, ...]) -> np.ndarray:
+        dataset = self._dataset(group, key)
         if dataset.dtype.kind not in "fiub":
             raise self._wrong(f"has type {dataset.dtype}, should be numbers")
         if dataset.shape != shape:
             raise self._wrong(f"has shape {dataset.shape}, should be {shape}{_meaning(key)}")
         with np.errstate(over="ignore"):  # what is too large for the type is told below
-            array = dataset[()].astype(dtype)
+            array = dataset[()].astype(np.float64 if key in STATES else np.float32)
         if not np.isfinite(array).all():
             raise self._wrong(f"has values that are not finite, first in row {_first(~np.isfinite(array))}")
-        if limit is not None and (outside := np.abs(array) > limit).any():
-            raise self._wrong(
-                f"has {array[outside][0]:g} in row {_first(outside)}; actions are in [{-limit:g}, {limit:g}]"
-            )
+        if key in ACTIONS and (outside := np.abs(array) > 1).any():
+            raise self._wrong(f"has {array[outside][0]:.9g} in row {_first(outside)}; actions are in [-1, 1]")
         return array
 
     def _wrong(self, what: str) -> DemonstrationError:
@@ -211,7 +199,7 @@ class _Reader:
 
 def _meaning(key: str) -> str:
     """What the numbers of a row are."""
-    if key in ("actions", "expert_actions"):
+    if key in ACTIONS:
         return ": 7 joint velocities, gripper, connect"
     return ": 29 for the robot, 7 a part, 8 phases" if "obs/" in key else ""
 
