@@ -33,16 +33,19 @@ from tstar_rl.runs.checkpoint import is_checkpoint
 from tstar_rl.seeds import derive_seed
 
 FORMATS = ("hdf5", "minari")
-KEYS = {
-    "path": str | None,
-    "dataset": str | None,
-    "formats": tuple[str, ...],
-    "exports_dir": str,
-    "mode": str,
-}
 
 
-@recipe("export", **KEYS, episodes=int, whole=bool, check=bool)
+@recipe(
+    "export",
+    path=str | None,
+    dataset=str | None,
+    formats=tuple[str, ...],
+    exports_dir=str,
+    episodes=int,
+    mode=str,
+    whole=bool,
+    check=bool,
+)
 def main(config: DictConfig) -> None:
     """Writes one file or data set for each subtask, or for the whole task."""
     check_modes([config.mode])
@@ -56,6 +59,8 @@ def main(config: DictConfig) -> None:
         part, task = part_name(recording.arguments["subtask"]), config.task.name
         won = len(recording.successes.episodes)
         print(f"{task}, {part}: {len(recording.episodes)} episodes, of which {won} succeeded")
+        if not recording.episodes:
+            continue
         if "hdf5" in config.formats:
             path = write_hdf5(recording, Path(config.exports_dir) / task / name / f"{part}.hdf5")
             print(f"  {path}{_played_again(path, config) if config.check else ''}")

@@ -15,7 +15,9 @@ ROOT = Path(__file__).resolve().parents[2]
 def test_the_lines_of_the_page(tmp_path, monkeypatch, capsys):
     pytest.importorskip("minari")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("MINARI_DATASETS_PATH", "exports/minari")  # one of the blocks sets it: this puts it back
+    monkeypatch.setenv(
+        "MINARI_DATASETS_PATH", "exports/minari"
+    )  # one of the blocks sets it: this puts it back
     found = scripted(task="table_lack", subtask=0)
     write_hdf5(found, "exports/table_lack/noisy_seed0/subtask0.hdf5")
     write_minari(found, "tstar/table_lack/subtask0_noisy_seed0-v0", "exports/minari")

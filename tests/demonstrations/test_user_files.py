@@ -13,7 +13,14 @@ from recorded import changed, put, scripted
 
 from tstar_rl.config.demonstrations import load_demonstrations
 from tstar_rl.demonstrations.file_check import DemonstrationError
-from tstar_rl.demonstrations.formats import Recording, differences, read_demonstrations, read_hdf5, write_hdf5
+from tstar_rl.demonstrations.formats import (
+    Recording,
+    differences,
+    read_demonstrations,
+    read_hdf5,
+    replay_demonstrations,
+    write_hdf5,
+)
 
 STEPS, WIDTH = (3, 2), 72  # of the two demonstrations; an observation of the five parts of the chair
 
@@ -53,6 +60,8 @@ def test_observations_and_actions_are_enough(path):
     assert found.snapshots.is_empty() and found.snapshots.batch_size == (5,)
     with pytest.raises(ValueError, match="demonstrations of kind imported are not saved"):
         found.save(path.with_suffix(".npz"))
+    with pytest.raises(ValueError, match="have no full states: they cannot be played again"):
+        replay_demonstrations(None, found)
 
 
 def test_expert_actions_are_what_is_imitated(path):

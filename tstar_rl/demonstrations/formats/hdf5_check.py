@@ -71,9 +71,7 @@ def read_contents(
             return reader.read(file)
     except DemonstrationError:
         raise
-    except (
-        Exception
-    ) as error:  # HDF5, its filters and h5py each have errors of their own for what damage does
+    except Exception as error:  # HDF5, its filters and h5py each have errors of their own for damage
         raise DemonstrationError(
             f"{path}{reader.place} cannot be read (damaged, truncated or not HDF5?): {error}"
         ) from error

@@ -13,6 +13,7 @@ import torch
 from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.demonstrations.data_set import Demonstrations
 from tstar_rl.demonstrations.formats.recording import Episode, Recording, differences
 from tstar_rl.rollouts.collection import with_starts
@@ -62,7 +63,12 @@ def replay_demonstrations(env: Any, demonstrations: Demonstrations) -> Recording
     Args:
         env: a `FurnitureEnv` with snapshots=True, of the arguments of the demonstrations.
         demonstrations: with snapshots.
+
+    Raises:
+        InvalidValueError: they have none.
     """
+    if demonstrations.snapshots.is_empty():
+        raise InvalidValueError("these demonstrations have no full states: they cannot be played again")
     lengths: list[int] = demonstrations.lengths.tolist()
     first = demonstrations.lengths.cumsum(0) - demonstrations.lengths
     episodes = replay(env, demonstrations.snapshots[first], demonstrations.executed.split(lengths))
