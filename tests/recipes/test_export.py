@@ -112,4 +112,4 @@ def test_gail_and_a_chain_take_a_user_s_files_too(tmp_path):
     done = run("tstar", *values, "chain.rounds=1", "chain.steps_per_turn=512", "chain.trial_episodes=8")
     assert done.returncode == 0, done.stderr
     table = pd.read_csv(tmp_path / "results/chair_bernhard/tstar/seed0/metrics.csv")
-    assert len(table) > 2 and table.f_phi_loss.notna().all()
+    assert len(table) > 2 and table.f_phi_loss_discriminator.notna().all()
