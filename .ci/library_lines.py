@@ -11,7 +11,17 @@ import sys
 import tempfile
 from pathlib import Path
 
-EXTRAS = ("ray", "warp", "mujoco_warp", "stable_baselines3", "pytest", "IPython", "nbclient")
+EXTRAS = (
+    "ray",
+    "warp",
+    "mujoco_warp",
+    "stable_baselines3",
+    "pytest",
+    "IPython",
+    "nbclient",
+    "h5py",
+    "minari",
+)
 HIDE = f"import sys; sys.modules.update(dict.fromkeys({EXTRAS!r})); "
 FROM = "import tstar_envs, tstar_rl; print(tstar_envs.__file__, tstar_rl.__file__, sep='\\n')"
 

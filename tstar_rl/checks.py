@@ -2,9 +2,17 @@
 
 import math
 from collections.abc import Sequence
+from importlib import import_module
 from typing import Any
 
-__all__ = ["InvalidValueError", "MissingExtraError", "MissingFileError", "UserError", "check_ranges"]
+__all__ = [
+    "InvalidValueError",
+    "MissingExtraError",
+    "MissingFileError",
+    "UserError",
+    "check_ranges",
+    "import_extra",
+]
 
 
 class UserError(Exception):
@@ -25,6 +33,26 @@ class MissingFileError(UserError, FileNotFoundError):
 
 class MissingExtraError(UserError, ImportError):
     """An optional dependency is not installed; the message says how to install it."""
+
+
+def import_extra(module: str, extra: str, why: str) -> Any:
+    """Imports a library that is not installed with this package unless an extra asks for it.
+
+    Args:
+        module: its name.
+        extra: of `pyproject.toml`.
+        why: what needs it.
+
+    Raises:
+        MissingExtraError: if it is not there.
+    """
+    try:
+        return import_module(module)
+    except ImportError as error:
+        raise MissingExtraError(
+            f"{why} needs {module}, which is not installed: python -m pip install -e '.[{extra}]' in a clone, "
+            f"or 'tstar_rl[{extra}]'"
+        ) from error
 
 
 RANGES = {

@@ -13,6 +13,7 @@ PURPOSES = (
     "networks",
     "updates",
     "chain",
+    "export",
 )
 
 

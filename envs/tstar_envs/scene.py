@@ -58,6 +58,23 @@ def build_model(furniture: Furniture) -> mujoco.MjModel:
     return build_spec(furniture).compile()
 
 
+def scene_xml(furniture: Furniture) -> str:
+    """The scene of `furniture` as XML that compiles by itself, for other programs.
+
+    A model read from it has the same joints, sensors and states. Its numbers may differ from `build_model`'s in the
+    last bit, so whoever wants the same future to the bit builds the scene from the furniture.
+    """
+    spec = build_spec(furniture)
+    model = spec.compile()
+    for body in spec.bodies:
+        if (
+            body.explicitinertial
+        ):  # one whose place was left to the compiler would be written without its mass
+            body.ipos, body.iquat = model.body(body.name).ipos, model.body(body.name).iquat
+    spec.compile()
+    return spec.to_xml()
+
+
 def _set_options(spec: mujoco.MjSpec) -> None:
     option = spec.option
     option.timestep = TIMESTEP

@@ -13,9 +13,8 @@ from torchrl.envs import TransformedEnv
 from tstar_rl.chaining.skill import NetworkSettings, Skill
 from tstar_rl.chaining.training import SkillTraining, TrainingSettings
 from tstar_rl.checks import InvalidValueError
+from tstar_rl.config.demonstrations import demonstrations_path, load_demonstrations
 from tstar_rl.config.load import plain, settings
-from tstar_rl.demonstrations.data_set import Demonstrations
-from tstar_rl.demonstrations.file_check import KINDS, DemonstrationError
 from tstar_rl.models.exploration import Exploration
 from tstar_rl.rollouts.cluster import ClusterSettings
 from tstar_rl.rollouts.collection import Collection, with_starts
@@ -23,7 +22,6 @@ from tstar_rl.rollouts.ray_collection import RayCollection
 from tstar_rl.rollouts.starts import make_starts
 from tstar_rl.rollouts.state_sets import TerminationSet
 from tstar_rl.runs import checkpoint
-from tstar_rl.runs.checkpoint import differences
 from tstar_rl.runs.run import Run
 from tstar_rl.seeds import derive_seed
 from tstar_rl.spirl import LatentModelSettings, SpirlAgent
@@ -105,33 +103,6 @@ def new_spirl_agent(config: DictConfig, subtask: int | None) -> SpirlAgent:
     torch.manual_seed(derive_seed(config.seed, "networks", subtask))
     model, name = settings(LatentModelSettings, config.spirl.model), config.task.name
     return SpirlAgent(name, subtask, model, observation_dim(name), geometry).to(config.device)
-
-
-def demonstrations_path(config: DictConfig, subtask: int | None, kind: str) -> Path:
-    """<demonstrations_dir>/<task>/seed<k>/<subtask<i>|whole>_<kind>.npz; k is demonstrations.seed, or the run's seed.
-
-    Raises:
-        ValueError: if `kind` is not one of `KINDS`.
-    """
-    if kind not in KINDS:
-        raise InvalidValueError(f"kind of demonstrations must be one of {', '.join(KINDS)}; got {kind!r}")
-    part = "whole" if subtask is None else f"subtask{subtask}"
-    seed = config.seed if config.demonstrations.seed is None else config.demonstrations.seed
-    return Path(config.demonstrations_dir) / config.task.name / f"seed{seed}" / f"{part}_{kind}.npz"
-
-
-def load_demonstrations(config: DictConfig, subtask: int | None) -> Demonstrations:
-    """Those that the config's recipe learns from. A setting that their file does not name had its default."""
-    from tstar_rl.env.furniture_env import DEFAULT_SETTINGS
-
-    path = demonstrations_path(config, subtask, config.demonstrations.kind)
-    found = Demonstrations.load(path, config.task.name, subtask)
-    wanted = {k: v for k, v in plain(config.env).items() if k not in config.demonstrations.may_differ}
-    saved = DEFAULT_SETTINGS | found.arguments
-    wrong = differences({name: saved.get(name) for name in wanted}, wanted)
-    if wrong:
-        raise DemonstrationError(f"{path}: field arguments: {'; '.join(wrong)}; delete it to make it again")
-    return found.to(config.device)
 
 
 def load_skill(path: str | Path, **expected: Any) -> Skill | SpirlAgent:

@@ -38,6 +38,9 @@ class DemonstrationsSection:
     noise: float
     num_envs: int
     may_differ: tuple[str, ...]
+    file: str | None
+    observation_key: str | None
+    filter_key: str | None
 
 
 @dataclass(frozen=True)

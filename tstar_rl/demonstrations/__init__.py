@@ -1,1 +1,1 @@
-"""Demonstrations: the data set, its file format and checks, and collecting them from the scripted assembler."""
+"""Demonstrations: the data set, its file format and checks, collecting them, and other libraries' formats."""

@@ -13,7 +13,7 @@ import torch
 from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 
-from tstar_rl.demonstrations.file_check import ARRAYS, FORMAT_VERSION, HEADER, DemonstrationError, read
+from tstar_rl.demonstrations.file_check import ARRAYS, FORMAT_VERSION, HEADER, KINDS, DemonstrationError, read
 from tstar_rl.runs.files import replacing, turn_to_write
 
 __all__ = ["Demonstrations"]
@@ -21,11 +21,12 @@ __all__ = ["Demonstrations"]
 
 @dataclass
 class Demonstrations:
-    """Successful episodes of the scripted expert.
+    """Successful episodes of an expert.
 
     Attributes:
         task, subtask: what was done; subtask None is the whole task.
-        kind: "plain", or "noisy": the executed action was perturbed, the label is clean.
+        kind: of the scripted expert "plain", or "noisy": the executed action was perturbed, the label is clean. Or
+            "imported", from a user's file (`formats`); such ones are not saved.
         arguments: of the environment, plain values.
         seeds: (E,) int64, of the environment that each episode came from.
         lengths: (E,) int64.
@@ -33,7 +34,7 @@ class Demonstrations:
         actions: (S, 9) float32 in [-1, 1], the expert's labels.
         executed: (S, 9) float32 in [-1, 1], what the environment was given.
         success: (E,) bool, all True.
-        snapshots: batch [S], the states before the actions.
+        snapshots: batch [S], the states before the actions; empty where an imported file has none.
     """
 
     task: str
@@ -57,7 +58,13 @@ class Demonstrations:
         return replace(self, **read)
 
     def save(self, path: str | Path) -> None:
-        """Writes the file; one that is there stays whole until the new one is complete."""
+        """Writes the file; one that is there stays whole until the new one is complete.
+
+        Raises:
+            ValueError: they were imported: `load` would not take them.
+        """
+        if self.kind not in KINDS:
+            raise ValueError(f"demonstrations of kind {self.kind} are not saved; valid: {', '.join(KINDS)}")
         header = {"format_version": FORMAT_VERSION, **{name: getattr(self, name) for name in HEADER}}
         arrays = {name: getattr(self, name).numpy() for name in ARRAYS}
         for key, value in self.snapshots.items(True, True):

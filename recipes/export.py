@@ -1,0 +1,131 @@
+"""Demonstrations, or episodes of a trained policy, in other libraries' formats: robomimic's HDF5 and Minari.
+
+python recipes/export.py                                        # the demonstrations of every subtask
+python recipes/export.py subtask=0 formats=[hdf5]
+python recipes/export.py path=runs/table_lack/tstar/seed0/last  # 50 episodes of a chain, or of one skill
+"""
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import torch
+from omegaconf import DictConfig
+from torchrl.envs import set_exploration_type
+
+from tstar_rl import FurnitureEnv
+from tstar_rl.chaining.chain import ChainPolicy, chain_folders
+from tstar_rl.checks import InvalidValueError, MissingFileError
+from tstar_rl.config.build import environment, load_demonstrations, load_skill
+from tstar_rl.config.demonstrations import part_name
+from tstar_rl.config.load import recipe
+from tstar_rl.demonstrations.formats import (
+    Recording,
+    not_reproduced,
+    read_hdf5,
+    record,
+    replay_demonstrations,
+    write_hdf5,
+    write_minari,
+)
+from tstar_rl.rollouts.episodes import MODES, check_modes
+from tstar_rl.runs.checkpoint import is_checkpoint
+from tstar_rl.seeds import derive_seed
+
+FORMATS = ("hdf5", "minari")
+
+
+@recipe(
+    "export",
+    path=str | None,
+    dataset=str | None,
+    formats=tuple[str, ...],
+    exports_dir=str,
+    episodes=int,
+    mode=str,
+    whole=bool,
+    check=bool,
+)
+def main(config: DictConfig) -> None:
+    """Writes one file or data set for each subtask, or for the whole task."""
+    check_modes([config.mode])
+    for name in config.formats:
+        if name not in FORMATS:
+            raise InvalidValueError(f"formats must be of {', '.join(FORMATS)}; got {name!r}")
+    if config.episodes < 1:
+        raise InvalidValueError(f"episodes must be a whole number from 1, got {config.episodes}")
+    name = config.dataset or _name(config)
+    for recording in _recordings(config):
+        part, task = part_name(recording.arguments["subtask"]), config.task.name
+        won = len(recording.successes.episodes)
+        print(f"{task}, {part}: {len(recording.episodes)} episodes, of which {won} succeeded")
+        if not recording.episodes:
+            continue
+        if "hdf5" in config.formats:
+            path = write_hdf5(recording, Path(config.exports_dir) / task / name / f"{part}.hdf5")
+            print(f"  {path}{_played_again(path, config) if config.check else ''}")
+        if "minari" in config.formats:
+            root = os.environ.get("MINARI_DATASETS_PATH") or Path(config.exports_dir) / "minari"
+            dataset_id = f"tstar/{task}/{part}_{name}-v0"
+            write_minari(recording, dataset_id, root)
+            print(f"  MINARI_DATASETS_PATH={root}: {dataset_id}")
+
+
+def _name(config: DictConfig) -> str:
+    """Of the demonstrations: kind and seed. Of a checkpoint: the folders between the task's and its own."""
+    if config.path is None:
+        seed = config.seed if config.demonstrations.seed is None else config.demonstrations.seed
+        return f"{config.demonstrations.kind}_seed{seed}"
+    parts = Path(config.path).resolve().parts
+    after = parts[parts.index(config.task.name) + 1 :] if config.task.name in parts else parts[-1:]
+    return "_".join(part for part in after if not part.startswith("subtask"))
+
+
+def _recordings(config: DictConfig) -> Iterator[Recording]:
+    if config.path is not None:
+        yield _episodes(config)
+        return
+    parts = [None] if config.whole else range(config.task.subtasks)
+    for subtask in parts if config.subtask is None else [config.subtask]:
+        found = load_demonstrations(config, subtask)
+        env = FurnitureEnv(**found.arguments, num_envs=_simulations(config, len(found)), snapshots=True)
+        played = replay_demonstrations(env, found)
+        if lost := len(found) - len(played.successes.episodes):
+            print(f"{lost} of {len(found)} demonstrations did not succeed again and are left out")
+        yield played.successes
+
+
+def _episodes(config: DictConfig) -> Recording:
+    """Episodes of the skill or the chain at config.path."""
+    path = Path(config.path)
+    folders = [path] if is_checkpoint(path) else chain_folders(path)
+    if not folders:
+        raise MissingFileError(f"no skill and no chain at {path}")
+    skills = [load_skill(folder, task=config.task.name) for folder in folders]
+    subtask = None if len(skills) > 1 else skills[0].subtask
+    policy = skills[0].policy if len(skills) == 1 else ChainPolicy(skills)
+    seed = derive_seed(config.seed, "export", list(MODES).index(config.mode), subtask)
+    torch.manual_seed(seed)
+    env = environment(config, subtask, config.episodes, seed, snapshots=True).base_env
+    with set_exploration_type(MODES[config.mode]):
+        return record(env, policy, f"{_name(config)}, {config.mode}", seed)
+
+
+def _played_again(path: Path, config: DictConfig) -> str:
+    """What came of playing a file's episodes from their first states."""
+    recording = read_hdf5(path)
+    number = len(recording.episodes)
+    env = FurnitureEnv(**recording.arguments, num_envs=_simulations(config, number), snapshots=True)
+    wrong = not_reproduced(env, recording)
+    if not wrong:
+        return f": played again from its states, {number} of {number} the same to the bit"
+    row, told = next(iter(wrong.items()))
+    return f": played again from its states, {len(wrong)} of {number} differ; demo_{row}: {'; '.join(told)}"
+
+
+def _simulations(config: DictConfig, episodes: int) -> int:
+    return min(config.demonstrations.num_envs, episodes)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,247 @@
+"""Episodes in other libraries' formats: their readers find what was recorded, and it can be played again to the bit."""
+
+import json
+from dataclasses import replace
+
+import gymnasium
+import h5py
+import mujoco
+import numpy as np
+import pytest
+import torch
+from recorded import ARGUMENTS, make, scripted
+from tensordict import TensorDict
+
+from tstar_rl import checks
+from tstar_rl.checks import MissingExtraError
+from tstar_rl.demonstrations.formats import (
+    Recording,
+    differences,
+    not_reproduced,
+    read_demonstrations,
+    read_hdf5,
+    replay_demonstrations,
+    write_hdf5,
+    write_minari,
+)
+from tstar_rl.demonstrations.formats.states import StateLayout
+
+DATASET = "tstar/chair/script-v0"
+
+
+@pytest.fixture(scope="module")
+def recording() -> Recording:
+    """Two successes, with labels as if an expert had been asked."""
+    found = scripted()
+    assert [episode.succeeded for episode in found.episodes] == [True, True]
+    labelled = [replace(one, labels=one.actions.neg()) for one in found.episodes]
+    return replace(found, episodes=labelled)
+
+
+@pytest.fixture(scope="module")
+def path(recording, tmp_path_factory):
+    return write_hdf5(recording, tmp_path_factory.mktemp("hdf5") / "subtask1.hdf5")
+
+
+@pytest.fixture(scope="module")
+def minari_root(recording, tmp_path_factory):
+    root = tmp_path_factory.mktemp("minari")
+    write_minari(recording, DATASET, root)
+    return root
+
+
+@pytest.fixture
+def dataset(minari_root, monkeypatch):
+    minari = pytest.importorskip("minari")
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(minari_root))
+    return minari.load_dataset(DATASET)
+
+
+def test_a_state_is_a_row_and_back():
+    snapshots = TensorDict(
+        {
+            "physics": torch.tensor([[0.5, -2.0], [0.1, 3.0]], dtype=torch.float64),
+            "task": {"phase": torch.tensor([3, 7]), "half_paid": torch.tensor([True, False])},
+        },
+        [2],
+    )
+    layout = StateLayout.from_json(StateLayout.of(snapshots).to_json())
+    rows = layout.rows(snapshots)
+    assert rows.tolist() == [[0.5, -2.0, 3.0, 1.0], [0.1, 3.0, 7.0, 0.0]]
+    back = layout.snapshots(rows)
+    assert (back == snapshots).all() and back["task", "phase"].dtype == torch.int64
+    with pytest.raises(ValueError, match="a state has 3 numbers, but its layout has 4"):
+        layout.snapshots(rows[:, :3])
+    with pytest.raises(ValueError, match="phase of a state has type int32; valid: float64, int64, bool"):
+        StateLayout.of(TensorDict({"phase": torch.zeros(2, dtype=torch.int32)}, [2]))
+    with pytest.raises(ValueError, match="is a list of name, shape and dtype"):
+        StateLayout.from_json('[{"name": "physics"}]')
+
+
+def test_what_is_read_is_what_was_recorded(recording, path):
+    back = read_hdf5(path)
+    assert back.arguments == recording.arguments and back.made_by == "the script"
+    for one, other in zip(recording.episodes, back.episodes, strict=True):
+        assert differences(one, other) == []
+        assert torch.equal(one.labels, other.labels) and one.seed == other.seed
+
+
+def test_the_same_recording_is_the_same_file(recording, path, tmp_path):
+    assert write_hdf5(recording, tmp_path / "again.hdf5").read_bytes() == path.read_bytes()
+    assert [file.name for file in tmp_path.iterdir()] == ["again.hdf5"]
+
+
+def test_a_replay_from_the_file_is_the_episode_to_the_bit(path):
+    found = read_hdf5(path)
+    env = make(num_envs=1)  # another number of simulations than were recorded
+    assert not_reproduced(env, found) == {}
+    found.episodes[1].actions[3, 0] += 1e-3
+    wrong = not_reproduced(env, found)
+    assert list(wrong) == [1]
+    assert any(told.startswith("observations differs from step 4 on, by") for told in wrong[1])
+
+
+def test_failures_and_cut_episodes_are_played_again_too(recording, tmp_path):
+    failed = scripted(max_steps=5)
+    assert [len(one) for one in failed.episodes] == [5, 5] and failed.successes.episodes == []
+    found = read_hdf5(write_hdf5(failed, tmp_path / "failed.hdf5"))
+    assert found.episodes[0].truncated.tolist() == [False] * 4 + [True]
+    assert not_reproduced(make(max_steps=5), found) == {}
+    first = recording.episodes[0]
+    cut = {
+        name: getattr(first, name)[:4]
+        for name in ("actions", "rewards", "terminated", "truncated", "success")
+    }
+    short = replace(first, observations=first.observations[:5], states=first.states[:5], **cut)
+    assert not_reproduced(make(), replace(recording, episodes=[first, short])) == {}
+
+
+def test_the_library_s_own_demonstrations_become_episodes(path):
+    demonstrations = read_demonstrations(path, "chair_ingolf", 1)
+    found = replay_demonstrations(make(), replace(demonstrations, kind="noisy"))
+    for one, other in zip(read_hdf5(path).episodes, found.episodes, strict=True):
+        assert differences(one, other) == [] and torch.equal(one.labels, other.labels)
+    assert found.made_by == "scripted assembler, noisy demonstrations"
+
+
+def test_the_structure_is_robomimic_s(recording, path):
+    with h5py.File(path) as file:
+        data, lengths = file["data"], [len(one) for one in recording.episodes]
+        env_args = json.loads(data.attrs["env_args"])
+        assert env_args["env_name"] == "tstar/ChairIngolf-v0" and env_args["type"] == 2
+        assert env_args["env_kwargs"] == recording.arguments and data.attrs["total"] == sum(lengths)
+        assert list(data) == ["demo_0", "demo_1"]
+        assert [data[name].attrs["num_samples"] for name in data] == lengths
+        demo, episode = data["demo_1"], recording.episodes[1]
+        assert np.array_equal(demo["obs/flat"], episode.observations[:-1])
+        assert np.array_equal(demo["next_obs/flat"], episode.observations[1:])
+        assert np.array_equal(demo["actions"], episode.actions)
+        assert np.array_equal(demo["rewards"], episode.rewards)
+        assert demo["dones"][:].tolist() == [0] * (lengths[1] - 1) + [1]
+        assert demo["states"].shape == (lengths[1], StateLayout.from_json(data.attrs["state_layout"]).size)
+        assert list(file["mask/successes"]) == [b"demo_0", b"demo_1"] and not len(file["mask/failures"])
+
+
+def test_states_and_model_file_are_enough_for_mujoco_alone(path):
+    with h5py.File(path) as file:
+        demo, layout = file["data/demo_0"], json.loads(file["data"].attrs["state_layout"])
+        model = mujoco.MjModel.from_xml_string(demo.attrs["model_file"])
+        data = mujoco.MjData(model)
+        assert layout[0]["name"] == "physics"
+        state = demo["states"][-1, : layout[0]["shape"][0]]
+        observation = demo["obs/flat"][-1]
+    mujoco.mj_setState(model, data, state, mujoco.mjtState.mjSTATE_INTEGRATION)
+    mujoco.mj_forward(model, data)
+    parts = data.qpos[9:].reshape(-1, 7)
+    assert np.allclose(observation[29:-8].reshape(-1, 7)[:, :3], parts[:, :3], atol=1e-6)
+    assert np.allclose(data.site("grip_site").xpos, observation[16:19], atol=1e-6)
+
+
+def test_robomimic_reads_it(recording, path):
+    library = pytest.importorskip("robomimic.utils.dataset")
+    pytest.importorskip("robomimic.utils.obs_utils").initialize_obs_utils_with_obs_specs(
+        [{"obs": {"low_dim": ["flat"]}}]
+    )
+    found = library.SequenceDataset(
+        hdf5_path=str(path), obs_keys=("flat",), dataset_keys=("actions", "rewards"), seq_length=3,
+        filter_by_attribute="successes",
+        **({"action_keys": ["actions"], "action_config": {"actions": {"normalization": None}}}
+           if "action_keys" in library.SequenceDataset.__init__.__code__.co_varnames else {}),
+    )  # fmt: skip
+    assert found.n_demos == 2 and len(found) == sum(map(len, recording.episodes))
+    item, episode = found[4], recording.episodes[0]
+    assert np.array_equal(item["obs"]["flat"], episode.observations[4:7])
+    assert np.array_equal(item["next_obs"]["flat"], episode.observations[5:8])
+    assert np.array_equal(item["actions"], episode.actions[4:7])
+
+
+def test_minari_reads_it(recording, dataset):
+    assert dataset.total_episodes == 2 and dataset.total_steps == sum(map(len, recording.episodes))
+    for one, other in zip(recording.episodes, dataset.iterate_episodes(), strict=True):
+        assert np.array_equal(one.observations, other.observations)
+        assert np.array_equal(one.actions, other.actions) and np.array_equal(one.rewards, other.rewards)
+        assert np.array_equal(one.terminated, other.terminations)
+        assert np.array_equal(one.truncated, other.truncations)
+        assert np.array_equal(other.infos["success"][1:], one.success)
+        assert np.array_equal(other.infos["expert_action"][:-1], one.labels)
+    assert dataset.storage.metadata["model_xml"].startswith("<mujoco")
+
+
+def test_its_own_environment_replays_a_minari_episode_to_the_bit(dataset):
+    env, episode = dataset.recover_environment(), dataset[1]
+    assert env.observation_space == dataset.observation_space and env.unwrapped.world.subtask == 1
+    layout = StateLayout.from_json(dataset.storage.metadata["state_layout"])
+    start = layout.snapshots(torch.from_numpy(episode.infos["state"][:1]))
+    observation, _ = env.reset(options={"snapshot": start})
+    assert np.array_equal(observation, episode.observations[0])
+    for t, action in enumerate(episode.actions):
+        observation, reward, terminated, truncated, info = env.step(action)
+        assert np.array_equal(observation, episode.observations[t + 1])
+        assert np.float32(reward) == episode.rewards[t]
+        assert (terminated, truncated) == (episode.terminations[t], episode.truncations[t])
+    assert terminated and info["success"]
+
+
+def test_a_minari_data_set_is_replaced_as_a_whole(recording, minari_root, dataset):
+    import minari
+
+    one = replace(recording, episodes=recording.episodes[:1])
+    other = "tstar/chair/other-v0"
+    for episodes in (recording, one):
+        write_minari(episodes, other, minari_root)
+    assert minari.load_dataset(other).total_episodes == 1 and minari.load_dataset(DATASET).total_episodes == 2
+    assert set(minari.list_local_datasets()) == {DATASET, other}
+    assert sorted(file.name for file in minari_root.iterdir()) == ["tstar"]
+    with pytest.raises(ValueError, match=r"'a b' is no id of a Minari data set: write namespace/name-v0"):
+        write_minari(one, "a b", minari_root)
+
+
+@pytest.mark.parametrize("missing", ["h5py", "minari"])
+def test_a_library_that_is_not_installed_is_named(recording, tmp_path, monkeypatch, missing):
+    def without(name):
+        if name == missing:
+            raise ImportError(name)
+        return __import__(name)
+
+    monkeypatch.setattr(checks, "import_module", without)
+    with pytest.raises(MissingExtraError, match=rf"needs {missing}, which is not installed: .*\[export\]"):
+        write_minari(recording, DATASET, tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_nothing_to_write_is_no_file(recording, tmp_path):
+    with pytest.raises(ValueError, match="there is no episode to write"):
+        write_hdf5(replace(recording, episodes=[]), tmp_path / "none.hdf5")
+    with pytest.raises(ValueError, match="there is no episode to write"):
+        write_minari(replace(recording, episodes=[]), DATASET, tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_gymnasium_spec_makes_the_environment_of_the_arguments():
+    from tstar_rl.env.their_names import gymnasium_id, gymnasium_spec, task_called
+
+    spec = gymnasium_spec({**ARGUMENTS, "velocity_scale": 0.4})
+    world = gymnasium.make(spec).unwrapped.world
+    assert (world.name, world.subtask, world.settings.velocity_scale) == ("chair_ingolf", 1, 0.4)
+    assert "velocity_scale" not in gymnasium.spec(gymnasium_id("chair_ingolf")).kwargs
+    assert task_called("tstar/ChairIngolf-v0") == task_called("chair_ingolf") == "chair_ingolf"

@@ -1,0 +1,115 @@
+"""`export.py` writes what other libraries read, and `bc.py` learns from what it wrote."""
+
+import re
+
+import h5py
+import numpy as np
+import pandas as pd
+import pytest
+from recipe_runs import load_recipe, run
+from recorded import as_demonstrations, make, scripted
+
+from tstar_rl.config import load_skill
+from tstar_rl.demonstrations.formats import not_reproduced, read_hdf5, write_hdf5
+from tstar_rl.rollouts.episodes import same_policy
+from tstar_rl.runs.run_folder import run_path
+
+QUICK = ["scale=quick", "task=chair_ingolf", "subtask=1", "bc.epochs=2", "env.velocity_scale=1.0"]
+QUICK += ["env.preassembled=ideal"]
+
+
+def test_demonstrations_go_out_and_come_back_and_so_do_episodes(call, tmp_path, monkeypatch, capsys):
+    minari = pytest.importorskip("minari")
+    monkeypatch.delenv("MINARI_DATASETS_PATH", raising=False)
+    own = as_demonstrations(scripted())
+    own.save(tmp_path / "demonstrations/quick/chair_ingolf/seed0/subtask1_noisy.npz")
+    call("export", *QUICK)
+    told = capsys.readouterr().out
+    path = tmp_path / "exports/chair_ingolf/noisy_seed0/subtask1.hdf5"
+    assert f"{path.relative_to(tmp_path)}: played again from its states, 2 of 2 the same to the bit" in told
+    recording = read_hdf5(path)
+    assert [one.succeeded for one in recording.episodes] == [True, True]
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path / "exports/minari"))
+    dataset = minari.load_dataset("tstar/chair_ingolf/subtask1_noisy_seed0-v0")
+    assert np.array_equal(dataset[1].observations, recording.episodes[1].observations)
+
+    for system, values in (("bc", []), ("bc_mine", [f"demonstrations.file={path.parent}"])):
+        call("bc", *QUICK, f"system={system}", *values)
+    bc, mine = (run_path("runs/quick", "chair_ingolf", name, 0, 1) / "last" for name in ("bc", "bc_mine"))
+    assert same_policy(load_skill(bc).policy, load_skill(mine).policy)  # the labels came back to the bit too
+
+    values = ["episodes=2", "formats=[hdf5]", "mode=stochastic", "+env.max_steps=6"]
+    call("export", *QUICK, f"path={mine}", *values)
+    assert "2 episodes, of which 0 succeeded" in capsys.readouterr().out
+    again = read_hdf5(tmp_path / "exports/chair_ingolf/bc_mine_seed0_last/subtask1.hdf5")
+    assert again.made_by == "bc_mine_seed0_last, stochastic" and again.arguments["max_steps"] == 6
+    assert [len(one) for one in again.episodes] == [6, 6]
+    assert not (again.episodes[0].observations[0] == again.episodes[1].observations[0]).all()
+
+
+def test_an_episode_that_differs_is_told(call, tmp_path, monkeypatch, capsys):
+    """As on another processor: the file's rewards are not those of this simulator."""
+    module = load_recipe("export")
+    path = write_hdf5(scripted(max_steps=4), tmp_path / "a.hdf5")
+    with h5py.File(path, "r+") as file:
+        file["data/demo_1/rewards"][2] += 1.0
+    assert list(not_reproduced(make(max_steps=4), read_hdf5(path))) == [1]
+    config = type("Config", (), {"demonstrations": type("Section", (), {"num_envs": 4})})
+    told = module._played_again(path, config)
+    assert re.search(r"1 of 2 differ; demo_1: rewards differs from step 2 on, by 1 at most", told)
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "message"),
+    [
+        (
+            "export",
+            ["subtask=0"],
+            "no demonstrations at demonstrations/.*recipes/make_demonstrations.py writes them",
+        ),
+        ("export", ["formats=[hdf6]"], "formats must be of hdf5, minari; got 'hdf6'"),
+        ("export", ["mode=best"], "mode must be one of deterministic, stochastic; got 'best'"),
+        ("export", ["episodes=0"], "episodes must be a whole number from 1, got 0"),
+        ("export", ["path=nowhere"], "no skill and no chain at nowhere"),
+        (
+            "bc",
+            ["subtask=0", "demonstrations.file=none.hdf5"],
+            "no demonstrations at none.hdf5: an HDF5 file",
+        ),
+        (
+            "gail_ppo",
+            ["subtask=0", "demonstrations.file=3"],
+            "demonstrations.file must be text or null, got 3",
+        ),
+    ],
+)
+def test_a_mistake_is_told_in_words(say, name, values, message):
+    assert re.search(message, say(name, *values))
+
+
+def test_a_user_s_broken_file_is_told_in_words(say, tmp_path):
+    path = write_hdf5(scripted(max_steps=3), tmp_path / "mine.hdf5")
+    values = ["subtask=1", "task=chair_ingolf", f"demonstrations.file={path}"]
+    assert re.search("mine.hdf5: demo_0 did not succeed; .*filter_key=successes", say("bc", *values))
+    path.write_bytes(path.read_bytes()[:1000])
+    assert re.search("mine.hdf5 cannot be read .damaged, truncated or not HDF5", say("bc", *values))
+
+
+@pytest.mark.slow
+def test_gail_and_a_chain_take_a_user_s_files_too(tmp_path):
+    folders = [f"{name}_dir={tmp_path / name}" for name in ("runs", "results", "demonstrations")]
+    values = [*folders, "task=chair_bernhard"]
+    assert run("make_demonstrations", *values, "kinds=[noisy]").returncode == 0
+    done = run("export", *values, "formats=[hdf5]", f"exports_dir={tmp_path}")
+    assert done.returncode == 0 and done.stdout.count("4 of 4 the same to the bit") == 2, done.stderr
+    values += [
+        f"demonstrations.file={tmp_path / 'chair_bernhard' / 'noisy_seed0'}",
+        "demonstrations.kind=plain",
+    ]
+    for subtask in (0, 1):
+        done = run("gail_ppo", *values, f"subtask={subtask}")
+        assert done.returncode == 0, done.stderr
+    done = run("tstar", *values, "chain.rounds=1", "chain.steps_per_turn=512", "chain.trial_episodes=8")
+    assert done.returncode == 0, done.stderr
+    table = pd.read_csv(tmp_path / "results/chair_bernhard/tstar/seed0/metrics.csv")
+    assert len(table) > 2 and table.f_phi_loss_discriminator.notna().all()
