@@ -1,5 +1,6 @@
 """A user's mistake on the command line ends in one or two lines: what was got, what is valid, where it belongs."""
 
+import logging
 import os
 import re
 import subprocess
@@ -102,6 +103,19 @@ def test_an_error_of_the_program_is_no_message(monkeypatch, capfd, tmp_path):
         recipe("plot")(fails)()
     told = capfd.readouterr().err
     assert ended.value.code == 1 and "Traceback" in told and "in fails" in told and "not the user's" in told
+
+
+def test_the_loggers_of_other_libraries_are_left_alone(monkeypatch, tmp_path):
+    """Hydra would close their handlers, and one of dm_control's closes the stream that it writes to."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["plot.py"])
+    logger, closed = logging.getLogger("somebody"), []
+    handler = logging.NullHandler()
+    monkeypatch.setattr(handler, "close", lambda: closed.append(handler))
+    logger.addHandler(handler)
+    recipe("plot")(lambda config: None)()
+    assert logger.handlers == [handler] and not logger.disabled and not closed
+    logger.removeHandler(handler)
 
 
 def test_with_a_full_error_everything_is_raised(monkeypatch, tmp_path):
