@@ -88,7 +88,7 @@ def test_a_missing_extra_is_told_in_words(say, monkeypatch):
 
 
 def test_a_device_that_is_not_there_is_told_in_words(say, monkeypatch):
-    monkeypatch.setattr(ranges.torch.cuda, "is_available", lambda: False)
+    monkeypatch.setattr("torch.cuda.is_available", lambda: False)
     assert "torch finds no CUDA device on this machine" in say("gail_ppo", "device=cuda")
 
 
