@@ -127,6 +127,18 @@ def test_with_a_full_error_everything_is_raised(monkeypatch, tmp_path):
     assert os.environ[FULL_ERROR] == "1"
 
 
+@pytest.mark.parametrize("values", [["--help"], ["seed=-1"], ["popo.epochs=1"]])
+def test_an_answer_does_not_wait_for_torch(values, tmp_path):
+    recipe, *values = command("gail_ppo", *values)[1:]
+    script = f"import runpy, sys; sys.argv = {[recipe, *values]!r}\n"
+    script += "try: runpy.run_path(sys.argv[0], run_name='__main__')\n"
+    script += "except SystemExit: pass\n"
+    script += "print(*sorted({'torch', 'mujoco', 'pandas'} & set(sys.modules)), file=sys.stderr)"
+    called = [sys.executable, "-c", script]
+    done = subprocess.run(called, env=environ(), cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert done.stderr == "\n", done.stderr
+
+
 def test_as_a_user_sees_it(tmp_path):
     variables = {name: value for name, value in environ().items() if name != FULL_ERROR}
     called = command("gail_ppo", "subtask=-1")
