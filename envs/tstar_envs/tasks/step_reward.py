@@ -6,7 +6,6 @@ Source: docs/task.md, "Dense reward of one subtask".
 from __future__ import annotations
 
 import torch
-from tensordict import TensorDict
 from torch import Tensor
 
 from tstar_envs.robots import sawyer
@@ -17,6 +16,7 @@ from tstar_envs.tasks.measures import MEASURES
 from tstar_envs.tasks.phase_reward import PHASES, PhaseTables
 from tstar_envs.tasks.recipe_tables import RecipeTables
 from tstar_envs.tasks.scene_reader import Scene
+from tstar_envs.tasks.task import EpisodeState
 
 _BONUS, _JOINING, _CLOSING, _ASKING, _GRIP = range(5)
 _HAND_PAYS = slice(5, 7)
@@ -57,7 +57,7 @@ class StepReward:
         """Potential of each phase, (N, 8)."""
         return self.phases.potentials(scene.measures)
 
-    def pay(self, state: TensorDict, scene: Scene, action: Tensor, connected: Tensor) -> Tensor:
+    def pay(self, state: EpisodeState, scene: Scene, action: Tensor, connected: Tensor) -> Tensor:
         """Reward (N,) of the step that led to `scene`; moves `phase`, `potential` and what was paid on in `state`.
 
         `action` is (N, 9), `connected` (N,) bool: two parts were joined in this step. Joining them ends the subtask
