@@ -160,14 +160,12 @@ class BatchedEnvironment:
         self.after_step(action, self.physics.step(SUBSTEPS, running))
         assign(self.state, state, ~running)
 
-    @torch.inference_mode()
     def before_step(self, action: Tensor) -> Tensor:
         """The part of a step before the simulator's: writes controls; returns the clipped actions, float64."""
         action = read_actions(self.name, action, self.num_sims)
         self.task.before_step(self.state, action)
         return action
 
-    @torch.inference_mode()
     def after_step(self, action: Tensor, failed: Tensor) -> None:
         """The part of a step after the simulator's, under actions (N, 9) from `before_step`; `failed` is (N,)."""
         if bool(failed.any()):
