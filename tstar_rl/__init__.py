@@ -6,8 +6,9 @@ The public names are imported when they are asked for: `import tstar_rl` loads n
 says `rl.GAILReward(...)`, so that its --help does not wait for TorchRL.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from tstar_rl.deferred import deferred
 
 if TYPE_CHECKING:
     from tstar_rl.chaining.chain import ChainPolicy, save_chain
@@ -95,9 +96,4 @@ __all__ = [
     "weighted",
 ]
 
-
-def __getattr__(name: str) -> Any:
-    """Imports a public name from its room."""
-    if name in HOMES:
-        return getattr(import_module(f"tstar_rl.{HOMES[name]}"), name)
-    raise AttributeError(f"module 'tstar_rl' has no attribute {name!r}; it has {', '.join(__all__)}")
+__getattr__ = deferred(__name__, HOMES)
