@@ -2,11 +2,13 @@
 PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3; do \
 	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$p && break; done)
 SEED ?= 0
+CORES ?= 2
 ARGS ?=
 
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+PYTEST := $(BIN)/python -m pytest -n $(CORES) --dist loadfile
 DOCS_READY := $(VENV)/.docs-ready
 
 .PHONY: help setup assemble assemble-quick test test-all lint type format bench docs watch clean
@@ -16,6 +18,7 @@ help:
 	@echo "make assemble-quick  the same path made small"
 	@echo "make watch           an assembly to play in a browser: runs/watch.html"
 	@echo "make test | test-all | lint | type | format | bench"
+	@echo "make test CORES=8    tests on eight processes; two by default, CORES=0 in one"
 	@echo "make shared-lines    how many lines any two recipes share"
 	@echo "make docs            this documentation as a site, in site/index.html"
 
@@ -37,10 +40,10 @@ watch: $(READY)
 	$(BIN)/python recipes/watch.py $(ARGS)
 
 test: $(READY)
-	$(BIN)/python -m pytest -m "not slow" $(ARGS)
+	$(PYTEST) -m "not slow" $(ARGS)
 
 test-all: $(READY)
-	$(BIN)/python -m pytest $(ARGS)
+	$(PYTEST) $(ARGS)
 
 lint: $(READY)
 	$(BIN)/ruff check .

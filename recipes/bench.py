@@ -6,8 +6,9 @@
 `bare` is `mujoco.batch` stepping what the environment stepped: the same controls from the same states, resets not
 timed. `env` is the environment on those random actions, resets and all; `train` is the loop of `gail_ppo.py`
 after its warm start; `chain` a turn of every skill by `tstar.py`, see `bench_chain.py`. `single_*` is one simulation
-in a front, on random actions. `assemble_minutes` is what assemble.py last took from nothing. `ratio_to_bare` is against
-the bare simulator under the same policy, see `BARE`. Where there is a GPU, see `bench_device.py` too.
+in a front, on random actions. `*_seconds` is what a user waits for, see `bench_start.py`. `assemble_minutes` is what
+assemble.py last took from nothing. `ratio_to_bare` is against the bare simulator under the same policy, see `BARE`.
+Where there is a GPU, see `bench_device.py` too.
 """
 
 import os
@@ -28,6 +29,7 @@ import torch
 from bench_bare import Replay, environment_rate, random_policy, single_rates
 from bench_chain import chain_rates
 from bench_device import device_rows
+from bench_start import start_rows
 from bench_training import Training, warm_started
 from bench_wrapped import wrapped_rate
 from hydra import compose
@@ -108,7 +110,7 @@ def main(config: DictConfig) -> None:
         note(**{name: wrapped_rate(config.task.name, workers, bench.worker_steps)})
     rounds.close()
     path = Path(config.results_dir) / "bench.csv"
-    write([*rows_of(rates), *assemble_row(config, given)], path)
+    write([*rows_of(rates), *start_rows(given), *assemble_row(config, given)], path)
     for row in on_a_gpu(HydraConfig.get().overrides.task):
         print(row)
         append_rows(path, [row], ("measure",))  # at once: the largest number may not fit

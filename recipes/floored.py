@@ -9,20 +9,18 @@ a chaining method mends is only that. Policies and value networks are left as th
 
 from omegaconf import DictConfig
 
-from tstar_rl.chaining.chain import save_chain
-from tstar_rl.config import load_skills, plain, recipe
-from tstar_rl.runs.run import Run
+import tstar_rl as rl
 
 
-@recipe("floored", floor=float, from_checkpoint=str)
+@rl.recipe("floored", floor=float, from_checkpoint=str)
 def main(config: DictConfig) -> None:
     """Raises the floor of every skill and saves the chain; logs how many inputs stood below it."""
-    run = Run(plain(config))
+    run = rl.Run(rl.plain(config))
     run.start()
-    skills = load_skills(config, checkpoint=config.from_checkpoint)
+    skills = rl.load_skills(config, checkpoint=config.from_checkpoint)
     for index, skill in enumerate(skills):
         run.log(0, skill=index, raised_inputs=skill.normalizer.raise_to(config.floor))
-    save_chain(skills, run.work / "last", recipe=config.system, env_steps=0)
+    rl.save_chain(skills, run.work / "last", recipe=config.system, env_steps=0)
     run.finish()
 
 

@@ -5,21 +5,21 @@ python recipes/gail.py task=table_lack scale=whole seed=0          # or subtask=
 
 from omegaconf import DictConfig
 
-from tstar_rl.config import recipe, settings, skill_training
-from tstar_rl.transforms import GAILReward, RewardMixture, weighted
-from tstar_rl.updates import DiscriminatorSettings
+import tstar_rl as rl
 
 
-@recipe("gail")
+@rl.recipe("gail")
 def main(config: DictConfig) -> None:
     """As GAIL + PPO, less the environment's reward: its weight is 0 in configs/recipe/gail.yaml."""
-    training = skill_training(config)
-    discriminator = settings(DiscriminatorSettings, config.f_phi)
+    training = rl.skill_training(config)
+    discriminator = rl.settings(rl.DiscriminatorSettings, config.f_phi)
     update_f_phi = training.discriminator_update(
         "f_phi", training.skill, discriminator, expert=1.0, agent=-1.0
     )
     update_policy = training.policy_update()
-    reward = weighted(settings(RewardMixture, config.reward), {"gail": GAILReward(training.skill.f_phi)})
+    reward = rl.weighted(
+        rl.settings(rl.RewardMixture, config.reward), {"gail": rl.GAILReward(training.skill.f_phi)}
+    )
 
     for rollout in training.rollouts():
         log = update_f_phi(expert=training.expert.observations, agent=rollout["observation"])

@@ -8,22 +8,20 @@ number: what T-STAR's terminal reward would do if its discriminator said the sam
 
 from omegaconf import DictConfig
 
-from tstar_rl.config import chain_turns, recipe, settings
-from tstar_rl.transforms import ConstantBonus, GAILReward, RewardMixture, TerminalStateReward, weighted
-from tstar_rl.updates import DiscriminatorSettings
+import tstar_rl as rl
 
 
-@recipe("policy_sequencing", bonus=float | None, from_checkpoint=str)
+@rl.recipe("policy_sequencing", bonus=float | None, from_checkpoint=str)
 def main(config: DictConfig) -> None:
     """Algorithm 1, second loop, less what is red in it; starts are drawn as chain.starts says."""
-    f_phi = settings(DiscriminatorSettings, config.f_phi)
-    for turn in chain_turns(config):
+    f_phi = rl.settings(rl.DiscriminatorSettings, config.f_phi)
+    for turn in rl.chain_turns(config):
         update_policy = turn.policy_update()
         update_f_phi = turn.discriminator_update("f_phi", turn.skill, f_phi, expert=1.0, agent=-1.0)
-        terms = {"gail": GAILReward(turn.skill.f_phi)}
+        terms = {"gail": rl.GAILReward(turn.skill.f_phi)}
         if config.bonus is not None and turn.following:
-            terms["tsr"] = TerminalStateReward(ConstantBonus(config.bonus))
-        reward = weighted(settings(RewardMixture, config.reward), terms)
+            terms["tsr"] = rl.TerminalStateReward(rl.ConstantBonus(config.bonus))
+        reward = rl.weighted(rl.settings(rl.RewardMixture, config.reward), terms)
 
         for rollout in turn.rollouts():
             turn.skill.termination_set.extend_from(turn.chained(rollout))

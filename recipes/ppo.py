@@ -5,16 +5,15 @@ python recipes/ppo.py task=table_lack scale=whole seed=0          # or subtask=0
 
 from omegaconf import DictConfig
 
-from tstar_rl.config import recipe, settings, skill_training
-from tstar_rl.transforms import RewardMixture, weighted
+import tstar_rl as rl
 
 
-@recipe("ppo")
+@rl.recipe("ppo")
 def main(config: DictConfig) -> None:
     """Rolls out and updates; demonstrations serve the normaliser, and the warm start if there is one."""
-    training = skill_training(config)
+    training = rl.skill_training(config)
     update_policy = training.policy_update()
-    reward = weighted(settings(RewardMixture, config.reward), {})
+    reward = rl.weighted(rl.settings(rl.RewardMixture, config.reward), {})
 
     for rollout in training.rollouts():
         training.log(rollout, update_policy(reward(rollout), training.progress))

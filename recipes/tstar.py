@@ -5,27 +5,25 @@ python recipes/tstar.py task=table_lack scale=laptop seed=0
 
 from omegaconf import DictConfig
 
-from tstar_rl.config import chain_turns, recipe, settings
-from tstar_rl.transforms import GAILReward, RewardMixture, TerminalStateReward, weighted
-from tstar_rl.updates import DiscriminatorSettings
+import tstar_rl as rl
 
 
-@recipe("tstar", from_checkpoint=str)
+@rl.recipe("tstar", from_checkpoint=str)
 def main(config: DictConfig) -> None:
     """Algorithm 1, second loop: each turn trains one skill, the others stand still."""
-    f_phi, d_omega = (settings(DiscriminatorSettings, config[name]) for name in ("f_phi", "d_omega"))
-    for turn in chain_turns(config):
+    f_phi, d_omega = (rl.settings(rl.DiscriminatorSettings, config[name]) for name in ("f_phi", "d_omega"))
+    for turn in rl.chain_turns(config):
         skill, following = turn.skill, turn.following  # None after the last skill
         update_policy = turn.policy_update()
         update_f_phi = turn.discriminator_update("f_phi", skill, f_phi, expert=1.0, agent=-1.0)
-        terms = {"gail": GAILReward(skill.f_phi)}
+        terms = {"gail": rl.GAILReward(skill.f_phi)}
         if turn.seam:
             update_d_omega = turn.discriminator_update(
                 "d_omega", turn.seam.after, d_omega, initiation=1.0, termination=0.0
             )
         if following:
-            terms["tsr"] = TerminalStateReward(following.d_omega, **config.terminal_reward)
-        reward = weighted(settings(RewardMixture, config.reward), terms)
+            terms["tsr"] = rl.TerminalStateReward(following.d_omega, **config.terminal_reward)
+        reward = rl.weighted(rl.settings(rl.RewardMixture, config.reward), terms)
 
         for rollout in turn.rollouts():
             skill.initiation_set.extend_from(rollout)  # I_i and beta_i grow

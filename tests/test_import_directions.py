@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 import tstar_rl
+import tstar_rl.config
 
 ROOT = Path(__file__).resolve().parents[1]
 WORLD, LEARNING, RECIPES = ROOT / "envs" / "tstar_envs", ROOT / "tstar_rl", ROOT / "recipes"
@@ -29,7 +30,7 @@ LAYERS = (
 )
 # In tstar_rl a room imports from itself and from the rooms above it in this list; the files of the root are above all.
 ROOMS = (
-    ("equations", "seeds", "checks", "intervals"),
+    ("equations", "seeds", "checks", "intervals", "deferred"),
     ("runs",),
     ("env",),
     ("models",),
@@ -117,9 +118,15 @@ def test_reading_results_needs_no_torchrl(path):
     assert not roots(path) & {"torchrl", "tensordict"}
 
 
-def test_every_public_name_is_found_in_its_room():
-    for name in tstar_rl.__all__:
-        assert getattr(tstar_rl, name) is not None
+@pytest.mark.parametrize("package", [tstar_rl, tstar_rl.config])
+def test_every_public_name_is_found_in_its_room(package):
+    assert set(package.HOMES) == set(package.__all__) - {"__version__"}
+    for name in package.__all__:
+        assert getattr(package, name) is not None
+    with pytest.raises(
+        AttributeError, match=f"{package.__name__}' has no attribute 'nothing'; it has .*recipe"
+    ):
+        package.nothing  # noqa: B018
 
 
 def test_equations_import_torch_alone():

@@ -1,63 +1,99 @@
 """Learning to chain skills: T-STAR and its baselines on TorchRL.
 
-The public names are imported when they are asked for: `import tstar_rl` loads no simulator and no TorchRL.
+    import tstar_rl as rl
+
+The public names are imported when they are asked for: `import tstar_rl` loads no simulator and no TorchRL. A recipe
+says `rl.GAILReward(...)`, so that its --help does not wait for TorchRL.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from tstar_rl.deferred import deferred
 
 if TYPE_CHECKING:
-    from tstar_rl.chaining.chain import ChainPolicy
+    from tstar_rl.chaining.chain import ChainPolicy, save_chain
     from tstar_rl.chaining.skill import NetworkSettings, Skill
+    from tstar_rl.config.build import load_demonstrations, new_skill, skill_training
+    from tstar_rl.config.chain import chain_turns, load_skills
+    from tstar_rl.config.load import plain, recipe, settings
     from tstar_rl.demonstrations.data_set import Demonstrations
     from tstar_rl.env.furniture_env import FurnitureEnv
     from tstar_rl.rollouts.collection import Collection
     from tstar_rl.rollouts.state_sets import InitiationSet, TerminationSet
+    from tstar_rl.runs.run import Run
+    from tstar_rl.seeds import derive_seed
     from tstar_rl.transforms.episode_start import EpisodeStart
     from tstar_rl.transforms.gail_reward import GAILReward
-    from tstar_rl.transforms.reward_mixture import RewardMixture
+    from tstar_rl.transforms.reward_mixture import RewardMixture, weighted
     from tstar_rl.transforms.skill_chain_reset import SkillChainReset
     from tstar_rl.transforms.terminal_state_reward import ConstantBonus, TerminalStateReward
+    from tstar_rl.updates.cloning import BehaviourCloningSettings, behaviour_cloning
+    from tstar_rl.updates.discriminator import DiscriminatorSettings
 
 __version__ = "0.1.0"
 HOMES = {
+    "BehaviourCloningSettings": "updates",
     "ChainPolicy": "chaining.chain",
     "Collection": "rollouts.collection",
     "ConstantBonus": "transforms",
     "Demonstrations": "demonstrations.data_set",
+    "DiscriminatorSettings": "updates",
     "EpisodeStart": "transforms",
     "FurnitureEnv": "env.furniture_env",
     "GAILReward": "transforms",
     "InitiationSet": "rollouts.state_sets",
     "NetworkSettings": "chaining.skill",
     "RewardMixture": "transforms",
+    "Run": "runs.run",
     "Skill": "chaining.skill",
     "SkillChainReset": "transforms",
     "TerminalStateReward": "transforms",
     "TerminationSet": "rollouts.state_sets",
+    "behaviour_cloning": "updates",
+    "chain_turns": "config.chain",
+    "derive_seed": "seeds",
+    "load_demonstrations": "config.build",
+    "load_skills": "config.chain",
+    "new_skill": "config.build",
+    "plain": "config.load",
+    "recipe": "config.load",
+    "save_chain": "chaining.chain",
+    "settings": "config.load",
+    "skill_training": "config.build",
+    "weighted": "transforms",
 }
 """The room of each public name."""
 __all__ = [
+    "BehaviourCloningSettings",
     "ChainPolicy",
     "Collection",
     "ConstantBonus",
     "Demonstrations",
+    "DiscriminatorSettings",
     "EpisodeStart",
     "FurnitureEnv",
     "GAILReward",
     "InitiationSet",
     "NetworkSettings",
     "RewardMixture",
+    "Run",
     "Skill",
     "SkillChainReset",
     "TerminalStateReward",
     "TerminationSet",
     "__version__",
+    "behaviour_cloning",
+    "chain_turns",
+    "derive_seed",
+    "load_demonstrations",
+    "load_skills",
+    "new_skill",
+    "plain",
+    "recipe",
+    "save_chain",
+    "settings",
+    "skill_training",
+    "weighted",
 ]
 
-
-def __getattr__(name: str) -> Any:
-    """Imports a public name from its room."""
-    if name in HOMES:
-        return getattr(import_module(f"tstar_rl.{HOMES[name]}"), name)
-    raise AttributeError(f"module 'tstar_rl' has no attribute {name!r}; it has {', '.join(__all__)}")
+__getattr__ = deferred(__name__, HOMES)

@@ -56,6 +56,7 @@ class AssemblyTask(control.Task):
         """Starts a new episode from the environment's own start."""
         self.world.reset()
 
+    @torch.inference_mode()
     def before_step(self, action: np.ndarray, physics: AssemblyPhysics) -> None:
         """Writes controls for `action` (9,).
 
@@ -67,6 +68,7 @@ class AssemblyTask(control.Task):
             raise ValueError(f"an action of {self.world.name} has shape ({NUM_ACTIONS},), got {values.shape}")
         self._action = self.world.before_step(torch.from_numpy(values).unsqueeze(0))
 
+    @torch.inference_mode()
     def after_step(self, physics: AssemblyPhysics) -> None:
         """Reads what the step did."""
         self.world.after_step(self._action, physics.failed)

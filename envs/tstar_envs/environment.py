@@ -34,6 +34,9 @@ class BatchedEnvironment:
     """N simulations of one assembly task.
 
     `reset(mask)` and `step(actions)` leave what happened in `state` (see `tasks.assembly`); `observation()` reads it.
+    Both compute in PyTorch's inference mode, which saves a fifth of the time of one simulation: tensors in `state` are
+    inference tensors, which nobody may write into. What `observation()` and `snapshot()` give are ordinary ones.
+
     A simulation that MuJoCo gives up on ends its own episode as a failure, is counted in `failures` and waits for a
     reset; the others do not notice. One that fails while an episode's start settles is counted too, and drawn again.
 
@@ -76,7 +79,7 @@ class BatchedEnvironment:
         self.seed(seed)
         self.state = self.task.new_state()
         self._editor = StateEditor(self.model, self.task.tables)
-        self._check = SnapshotCheck(name, self.model, self.task.tables, self.state)
+        self._check = SnapshotCheck(name, self.model, self.task.tables, num_sims, self.state)
         self.failures = 0
 
     @property
@@ -110,12 +113,14 @@ class BatchedEnvironment:
         self.generator.manual_seed(seed)
         return seed
 
+    @torch.inference_mode()
     def reset(self, mask: Tensor | None = None) -> None:
         """Starts new episodes in the simulations of `mask` (N,), by default all."""
         failures = self.task.starts.failures
         self.task.initialize_episode(self.state, self._all() if mask is None else mask)
         self.failures += self.task.starts.failures - failures
 
+    @torch.inference_mode()
     def reset_to(self, snapshot: TensorDict, mask: Tensor | None = None) -> None:
         """Starts new episodes from snapshots, at the beginning of the subtask that each is at.
 
@@ -130,6 +135,7 @@ class BatchedEnvironment:
         self.task.begin_subtask(self.state, mask)
         self.task.begin_episode(self.state, mask)
 
+    @torch.inference_mode()
     def step(self, action: Tensor, running: Tensor | None = None) -> None:
         """One control step (0.1 s) under actions (N, 9); values are clipped to [-1, 1].
 
@@ -148,7 +154,7 @@ class BatchedEnvironment:
         running = read_mask(self.name, running, self.num_sims)
         if action.shape == (self.num_sims, NUM_ACTIONS):
             action = torch.where(running.unsqueeze(-1), action, 0.0)  # 0 does not ask to connect
-        state, controls = self.state.clone(False), self.physics.ctrl.clone()
+        state, controls = dict(self.state), self.physics.ctrl.clone()
         action = self.before_step(action)
         write(self.physics.ctrl, controls, ~running)
         self.after_step(action, self.physics.step(SUBSTEPS, running))
@@ -176,15 +182,18 @@ class BatchedEnvironment:
 
     def snapshot(self) -> TensorDict:
         """Everything that decides the future of each simulation but the random generator."""
+        batch = [self.num_sims]
+        task = {name: value.clone() for name, value in self.state.items()}
         return TensorDict(
             {
                 "physics": self.physics.state(),
                 "welds": self.physics.eq_data.clone(),
-                "task": self.state.clone(),
+                "task": TensorDict(task, batch, device=self.physics.device),
             },
-            [self.num_sims],
+            batch,
         )
 
+    @torch.inference_mode()
     def restore(self, snapshot: TensorDict, mask: Tensor | None = None) -> None:
         """Puts the simulations of `mask` into the states of `snapshot` (batch N), which any simulator took.
 
@@ -212,7 +221,7 @@ class BatchedEnvironment:
 
     def _put(self, snapshot: TensorDict, mask: Tensor) -> None:
         self.physics.set_state(snapshot["physics"], snapshot["welds"], mask)
-        assign(self.state, snapshot["task"].select(*self.state.keys()), mask)
+        assign(self.state, {name: snapshot["task", name] for name in self.state}, mask)
 
     def _check_subtask(self, found: Tensor) -> None:
         wrong = found >= self.num_subtasks if self.subtask is None else found != self.subtask

@@ -16,6 +16,7 @@ from torch import Tensor
 from tstar_envs import geometry
 from tstar_envs.physics.state_row import row_size, row_slice
 from tstar_envs.tasks.recipe_tables import RecipeTables
+from tstar_envs.tasks.task import EpisodeState
 
 ROUNDING = 1e-4
 """By how much compiled poses may differ: simulators of single precision round them."""
@@ -30,12 +31,15 @@ class SnapshotCheck:
         name: of the furniture.
         model: its compiled scene.
         tables: its recipe.
-        state: episode state of the simulations, (num_sims, ...).
+        num_sims: simulations N.
+        state: their episode state, (N, ...).
     """
 
-    def __init__(self, name: str, model: mujoco.MjModel, tables: RecipeTables, state: TensorDictBase):
-        self.name, self.tables = name, tables
-        self.num_sims, device = state.batch_size[0], tables.initial_pose.device
+    def __init__(
+        self, name: str, model: mujoco.MjModel, tables: RecipeTables, num_sims: int, state: EpisodeState
+    ):
+        self.name, self.tables, self.num_sims = name, tables, num_sims
+        device = tables.initial_pose.device
         self._compiled = torch.tensor(model.eq_data, dtype=torch.float64, device=device)
         self._active = row_slice(model, mujoco.mjtState.mjSTATE_EQ_ACTIVE)
         self._shapes: dict[Any, tuple[int, ...]] = {

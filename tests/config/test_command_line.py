@@ -1,5 +1,6 @@
 """A user's mistake on the command line ends in one or two lines: what was got, what is valid, where it belongs."""
 
+import logging
 import os
 import re
 import subprocess
@@ -87,7 +88,7 @@ def test_a_missing_extra_is_told_in_words(say, monkeypatch):
 
 
 def test_a_device_that_is_not_there_is_told_in_words(say, monkeypatch):
-    monkeypatch.setattr(ranges.torch.cuda, "is_available", lambda: False)
+    monkeypatch.setattr("torch.cuda.is_available", lambda: False)
     assert "torch finds no CUDA device on this machine" in say("gail_ppo", "device=cuda")
 
 
@@ -104,6 +105,19 @@ def test_an_error_of_the_program_is_no_message(monkeypatch, capfd, tmp_path):
     assert ended.value.code == 1 and "Traceback" in told and "in fails" in told and "not the user's" in told
 
 
+def test_the_loggers_of_other_libraries_are_left_alone(monkeypatch, tmp_path):
+    """Hydra would close their handlers, and one of dm_control's closes the stream that it writes to."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["plot.py"])
+    logger, closed = logging.getLogger("somebody"), []
+    handler = logging.NullHandler()
+    monkeypatch.setattr(handler, "close", lambda: closed.append(handler))
+    logger.addHandler(handler)
+    recipe("plot")(lambda config: None)()
+    assert logger.handlers == [handler] and not logger.disabled and not closed
+    logger.removeHandler(handler)
+
+
 def test_with_a_full_error_everything_is_raised(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv(FULL_ERROR, "1")
@@ -111,6 +125,18 @@ def test_with_a_full_error_everything_is_raised(monkeypatch, tmp_path):
     with pytest.raises(UserError, match="seed must be"):
         recipe("plot")(lambda config: None)()
     assert os.environ[FULL_ERROR] == "1"
+
+
+@pytest.mark.parametrize("values", [["--help"], ["seed=-1"], ["popo.epochs=1"]])
+def test_an_answer_does_not_wait_for_torch(values, tmp_path):
+    recipe, *values = command("gail_ppo", *values)[1:]
+    script = f"import runpy, sys; sys.argv = {[recipe, *values]!r}\n"
+    script += "try: runpy.run_path(sys.argv[0], run_name='__main__')\n"
+    script += "except SystemExit: pass\n"
+    script += "print(*sorted({'torch', 'mujoco', 'pandas'} & set(sys.modules)), file=sys.stderr)"
+    called = [sys.executable, "-c", script]
+    done = subprocess.run(called, env=environ(), cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert done.stderr == "\n", done.stderr
 
 
 def test_as_a_user_sees_it(tmp_path):

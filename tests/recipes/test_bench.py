@@ -66,6 +66,16 @@ def test_a_chain_learns_from_the_steps_of_its_turns(tmp_path):
     assert rates.keys() == {"bare_chain", "chain"} and 0 < rates["chain"] < rates["bare_chain"]
 
 
+@pytest.mark.slow
+def test_what_a_user_waits_for():
+    from bench_start import start_rows
+
+    rows = list(start_rows([*SMALL_CHAIN[:5]]))
+    assert [row["measure"] for row in rows] == ["help_seconds", "mistake_seconds", "first_rollout_seconds"]
+    answer, mistake, rollout = (row["value"] for row in rows)
+    assert 0 < max(answer, mistake) < rollout / 2, "an answer waits for TorchRL"
+
+
 def test_the_minutes_of_the_pipeline_are_those_of_one_seed_of_the_task(tmp_path):
     from assemble import _note_minutes
     from bench import assemble_row

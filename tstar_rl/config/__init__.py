@@ -1,18 +1,44 @@
-"""From YAML to objects: the schema, loading and checking a config, and what is built from it."""
+"""From YAML to objects: the schema, loading and checking a config, and what is built from it.
 
-from tstar_rl.config.build import (
-    demonstrations_path,
-    environment,
-    load_demonstrations,
-    load_skill,
-    new_skill,
-    new_spirl_agent,
-    skill_training,
-)
-from tstar_rl.config.chain import chain_length, chain_turns, load_skills
-from tstar_rl.config.check import ConfigError
-from tstar_rl.config.load import check_config, plain, recipe, settings
+The public names are imported when they are asked for: `config.load` loads no TorchRL, the others do.
+"""
 
+from typing import TYPE_CHECKING
+
+from tstar_rl.deferred import deferred
+
+if TYPE_CHECKING:
+    from tstar_rl.config.build import (
+        demonstrations_path,
+        environment,
+        load_demonstrations,
+        load_skill,
+        new_skill,
+        new_spirl_agent,
+        skill_training,
+    )
+    from tstar_rl.config.chain import chain_length, chain_turns, load_skills
+    from tstar_rl.config.check import ConfigError
+    from tstar_rl.config.load import check_config, plain, recipe, settings
+
+HOMES = {
+    "ConfigError": "check",
+    "chain_length": "chain",
+    "chain_turns": "chain",
+    "check_config": "load",
+    "demonstrations_path": "build",
+    "environment": "build",
+    "load_demonstrations": "build",
+    "load_skill": "build",
+    "load_skills": "chain",
+    "new_skill": "build",
+    "new_spirl_agent": "build",
+    "plain": "load",
+    "recipe": "load",
+    "settings": "load",
+    "skill_training": "build",
+}
+"""The module of each public name."""
 __all__ = [
     "ConfigError",
     "chain_length",
@@ -30,3 +56,5 @@ __all__ = [
     "settings",
     "skill_training",
 ]
+
+__getattr__ = deferred(__name__, HOMES)

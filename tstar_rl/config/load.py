@@ -1,19 +1,26 @@
-"""From the values in `configs/` to a checked config: where every recipe begins."""
+"""From the values in `configs/` to a checked config: where every recipe begins.
+
+Names, plain values and what Hydra refuses are checked before torch is imported: such a mistake, and `--help`, take a
+second and not five.
+"""
 
 import functools
+import gc
 import logging
-from collections.abc import Callable, Mapping
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import Any, TypeVar
 
-import torch
 from omegaconf import DictConfig, OmegaConf
 
 from tstar_rl.config.check import ConfigError, check
 from tstar_rl.config.command_line import command_line
-from tstar_rl.config.ranges import check_machine, check_ranges_of
-from tstar_rl.config.schema import Config
+from tstar_rl.config.ranges import check_machine, check_ranges_of, find
+from tstar_rl.config.schema import SECTIONS, Config
 
 __all__ = ["check_config", "plain", "recipe", "settings"]
 
@@ -29,7 +36,7 @@ def recipe(name: str, **own: Any) -> Callable[[Callable[[DictConfig], None]], Ca
 
     Args:
         name: of its file in `configs/recipe`.
-        **own: keys of that file which `config_schema.Config` does not have, and the types of their values.
+        **own: keys of that file which `schema.Config` does not have, and the types of their values.
     """
     OWN_KEYS[name] = own
 
@@ -38,6 +45,8 @@ def recipe(name: str, **own: Any) -> Callable[[Callable[[DictConfig], None]], Ca
         def body(config: DictConfig) -> None:
             check_config(config, name)
             check_machine(plain(config))
+            import torch
+
             torch.set_num_threads(config.torch_threads)
             logging.getLogger("torchrl").setLevel(logging.WARNING)
             function(config)
@@ -45,6 +54,18 @@ def recipe(name: str, **own: Any) -> Callable[[Callable[[DictConfig], None]], Ca
         return command_line(body, CONFIGS, name, partial(check_config, name=name))
 
     return decorate
+
+
+@contextmanager
+def imports_not_collected() -> Iterator[None]:
+    """Spares garbage collection what is imported meanwhile: a million objects of TorchRL's modules, which all stay.
+
+    Python would look through them again and again, for a fifth of the time that they take to import.
+    """
+    gc.disable()
+    yield
+    gc.freeze()
+    gc.enable()
 
 
 def plain(config: DictConfig) -> dict[str, Any]:
@@ -59,15 +80,30 @@ def check_config(config: DictConfig, name: str) -> None:
         ConfigError: see `check.check` and `ranges.check_ranges_of`; also for an unknown task, a wrong number of
             subtasks, and unknown settings of the task or values of them.
     """
-    from tstar_rl.env.furniture_env import check_task
-
     values = plain(config)
     check(values, Config, "", OWN_KEYS[name])
+    check_ranges_of(values)
+    if "torchrl" not in sys.modules:
+        with imports_not_collected():
+            import_module("tstar_rl.config.chain")  # and with it all that training needs
+    _check_what_the_library_declares(values)
+
+
+def _check_what_the_library_declares(values: dict[str, Any]) -> None:
+    """The part of `check_config` that needs TorchRL."""
+    from tstar_rl.env.furniture_env import check_task
+    from tstar_rl.rollouts.starts import check_shares
+
+    for name, declared in SECTIONS.items():
+        if (section := find(values, name)) is not None:
+            room, _, kind = declared.rpartition(".")
+            check(section, getattr(import_module(f"tstar_rl.{room}"), kind), name)
     try:
-        check_task(config.task.name, config.task.subtasks, values["env"])
+        check_task(values["task"]["name"], values["task"]["subtasks"], values["env"])
     except ValueError as error:  # the world's own; it knows no configs
         raise ConfigError(str(error)) from error
-    check_ranges_of(values)
+    if shares := find(values, "chain.starts"):
+        check_shares(shares)
 
 
 Settings = TypeVar("Settings")

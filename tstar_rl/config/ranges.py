@@ -4,14 +4,11 @@ import importlib.util
 from collections.abc import Mapping
 from typing import Any
 
-import torch
-
 from tstar_rl.checks import MissingExtraError
 from tstar_rl.config.check import ConfigError
 from tstar_rl.demonstrations.file_check import KINDS
-from tstar_rl.rollouts.starts import check_shares
 
-__all__ = ["check_machine", "check_ranges_of"]
+__all__ = ["check_machine", "check_ranges_of", "find"]
 
 LEAST = {
     "seed": 0,
@@ -54,19 +51,17 @@ def check_ranges_of(values: Mapping[str, Any]) -> None:
         ConfigError: for the first that is out of its range; it names the key, what was got and what is valid.
     """
     for name, least in LEAST.items():
-        value = _find(values, name)
+        value = find(values, name)
         if value is not None and value < least:
             raise ConfigError(f"{name} must be a whole number from {least}, got {value}")
     for name, valid in CHOICES.items():
-        if (value := _find(values, name)) not in valid and _has(values, name):
+        if (value := find(values, name)) not in valid and _has(values, name):
             said = ", ".join("null" if one is None else one for one in valid)
             raise ConfigError(f"{name} must be one of {said}; got {value!r}")
     for seed in values.get("seeds") or ():
         if seed < 0:
             raise ConfigError(f"seeds must be whole numbers from 0, got {seed}")
     _check_task(values["task"]["name"], values["task"]["subtasks"], values)
-    if shares := _find(values, "chain.starts"):
-        check_shares(shares)
 
 
 def _check_task(task: str, subtasks: int, values: Mapping[str, Any]) -> None:
@@ -74,7 +69,7 @@ def _check_task(task: str, subtasks: int, values: Mapping[str, Any]) -> None:
     if (subtask := values["subtask"]) is not None and not 0 <= subtask < subtasks:
         valid = f"null (the whole task) or in 0..{subtasks - 1}"
         raise ConfigError(f"subtask of {task} must be {valid}, got {subtask}")
-    if (links := _find(values, "chain.links")) is not None and not 2 <= links <= subtasks:
+    if (links := find(values, "chain.links")) is not None and not 2 <= links <= subtasks:
         raise ConfigError(f"chain.links must be null or in 2..{subtasks} for {task}, got {links}")
 
 
@@ -85,6 +80,8 @@ def check_machine(values: Mapping[str, Any]) -> None:
         ConfigError: for a device that this machine does not have.
         MissingExtraError: for an optional dependency, with the command that installs it.
     """
+    import torch
+
     device = values["device"]
     if device.split(":")[0] not in ("cpu", "cuda"):
         raise ConfigError(f"device must be cpu or cuda, got {device!r}")
@@ -92,7 +89,7 @@ def check_machine(values: Mapping[str, Any]) -> None:
         raise ConfigError(f"device={device}: torch finds no CUDA device on this machine; device=cpu works")
     if device != "cpu" or values["physics"] == "warp":
         _need("mujoco_warp", "gpu", "device=cuda and physics=warp need mujoco_warp")
-    if "ray" in (values["launch"], _find(values, "collection.backend")):
+    if "ray" in (values["launch"], find(values, "collection.backend")):
         _need("ray", "ray", "launch=ray and collection.backend=ray need Ray")
 
 
@@ -111,8 +108,8 @@ def _has(values: Mapping[str, Any], name: str) -> bool:
     return isinstance(values[section], Mapping) and _has(values[section], rest)
 
 
-def _find(values: Mapping[str, Any], name: str) -> Any:
-    """The value at a dotted name; None where there is none."""
+def find(values: Mapping[str, Any], name: str) -> Any:
+    """Returns the value at a dotted name; None where there is none."""
     if not _has(values, name):
         return None
     found: Any = values

@@ -1,21 +1,35 @@
 """Which sections a config has, and what may stand in them.
 
-`configuration.check_config` holds every config against this before a recipe begins. Hydra itself refuses an override of
-a key that is not there; this is for what it lets through: keys added with `+` or in a file of one's own, and values of
+`load.check_config` holds every config against this before a recipe begins. Hydra itself refuses an override of a key
+that is not there; this is for what it lets through: keys added with `+` or in a file of one's own, and values of
 another type. What the values mean is said in `configs/` and where they are read.
+
+This imports no torch, so that a mistake in a plain value is told at once.
 """
 
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from tstar_rl.chaining.skill import NetworkSettings
-from tstar_rl.models.exploration import Exploration
-from tstar_rl.rollouts.cluster import ClusterSettings
-from tstar_rl.spirl import LatentModelSettings, LatentPolicySettings, ModelTrainingSettings
-from tstar_rl.transforms import RewardMixture, TerminalStateReward
-from tstar_rl.updates import BehaviourCloningSettings, DiscriminatorSettings, PPOSettings
+__all__ = ["SECTIONS", "Config", "SpirlSection"]
 
-__all__ = ["Config", "SpirlSection"]
+SECTIONS = {
+    "cluster": "rollouts.cluster.ClusterSettings",
+    "networks": "chaining.skill.NetworkSettings",
+    "exploration": "models.exploration.Exploration",
+    "bc": "updates.BehaviourCloningSettings",
+    "ppo": "updates.PPOSettings",
+    "f_phi": "updates.DiscriminatorSettings",
+    "d_omega": "updates.DiscriminatorSettings",
+    "reward": "transforms.RewardMixture",
+    "terminal_reward": "transforms.TerminalStateReward",
+    "chain.ppo": "updates.PPOSettings",
+    "spirl.model": "spirl.LatentModelSettings",
+    "spirl.model_training": "spirl.ModelTrainingSettings",
+    "spirl.policy": "spirl.LatentPolicySettings",
+}
+"""Sections whose names and types a class of the library declares, and where it is. A recipe need not have them all."""
+Section = dict[str, Any]
+"""One of `SECTIONS`."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +102,7 @@ class ChainSection:
     trial_every: int
     logged_skill: int
     logged_states: int
-    ppo: PPOSettings
+    ppo: Section
     gate: bool
     gate_margin: float
 
@@ -106,9 +120,9 @@ class EvaluationSection:
 class SpirlSection:
     """`configs/spirl`, of the recipe of that name."""
 
-    model: LatentModelSettings
-    model_training: ModelTrainingSettings
-    policy: LatentPolicySettings
+    model: Section
+    model_training: Section
+    policy: Section
     capacity: int
     num_envs: int
     max_steps: int
@@ -118,7 +132,7 @@ class SpirlSection:
 
 @dataclass(frozen=True)
 class Config:
-    """What every recipe has; a recipe names the keys of its own when it is declared (`configuration.recipe`)."""
+    """What every recipe has; a recipe names the keys of its own when it is declared (`load.recipe`)."""
 
     system: str
     task: TaskSection
@@ -135,20 +149,20 @@ class Config:
     physics: str | None
     collection: CollectionSection
     launch: str
-    cluster: ClusterSettings
+    cluster: Section
     skills: str
     env: dict[str, Any]  # settings of the task, which the environment checks
     demonstrations: DemonstrationsSection
     warm_start: bool
     normalizer: NormalizerSection
-    networks: NetworkSettings
-    exploration: Exploration | None
-    bc: BehaviourCloningSettings
-    ppo: PPOSettings
-    f_phi: DiscriminatorSettings
-    d_omega: DiscriminatorSettings
+    networks: Section
+    exploration: Section | None
+    bc: Section
+    ppo: Section
+    f_phi: Section
+    d_omega: Section
     training: TrainingSection
-    reward: RewardMixture
-    terminal_reward: TerminalStateReward
+    reward: Section
+    terminal_reward: Section
     chain: ChainSection
     evaluation: EvaluationSection

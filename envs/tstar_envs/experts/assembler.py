@@ -9,7 +9,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import torch
-from tensordict import TensorDict
 from torch import Tensor
 
 from tstar_envs import geometry
@@ -20,6 +19,7 @@ from tstar_envs.tasks.actions import CONNECT, GRIPPER, NUM_ACTIONS
 from tstar_envs.tasks.assembly import Assembly
 from tstar_envs.tasks.recipe_tables import RecipeTables
 from tstar_envs.tasks.scene_reader import Scene
+from tstar_envs.tasks.task import EpisodeState
 
 RATE = 6.0
 """Proportional gain, 1/s: at 10 Hz a step closes 60% of an error."""
@@ -52,7 +52,7 @@ class Assembler:
         self._anchors, self._axes = physics.joint_frames(sawyer.NUM_JOINTS)
         self._hand_in_connector = _hand_in_connector(task.tables)
 
-    def act(self, state: TensorDict) -> Tensor:
+    def act(self, state: EpisodeState) -> Tensor:
         """Actions (N, 9) for the present scene."""
         scene = self.task.scene(state)
         hand = torch.stack(
@@ -69,7 +69,7 @@ class Assembler:
         action[:, CONNECT] = torch.where(scene.touching & connect, 1.0, -1.0)
         return action
 
-    def _reach(self, state: TensorDict, scene: Scene, hand: Tensor) -> tuple[Tensor, Tensor]:
+    def _reach(self, state: EpisodeState, scene: Scene, hand: Tensor) -> tuple[Tensor, Tensor]:
         """Twist (N, 6) towards the grasp, and whether to close, (N,) bool."""
         side = (scene.grasp_axis * scene.closing).sum(-1, keepdim=True).sign()
         along = (scene.grasp_axis * scene.grip_direction).sum(-1, keepdim=True)
@@ -89,17 +89,17 @@ class Assembler:
         beside = torch.where(low.unsqueeze(-1), 0.0, beside)
         return self._twist(beside + off.unsqueeze(-1) * scene.retreat, turn, close), close
 
-    def _waits_farther_off(self, state: TensorDict, scene: Scene, beside: Tensor, turn: Tensor) -> Tensor:
+    def _waits_farther_off(self, state: EpisodeState, scene: Scene, beside: Tensor, turn: Tensor) -> Tensor:
         """How much farther than `HOVER` off the grasp point the hand waits, m, (N,), while it travels or turns."""
         far = ((beside.norm(dim=-1) - 0.03) / 0.05).clamp(0.0, 1.0)
         travels = (self._travel_height(state) - HOVER) * far
         turns = 0.1 * (turn.norm(dim=-1) / 0.5).clamp_max(1.0)
         return torch.where(scene.retreat[:, 2] > 0.99, travels, turns)
 
-    def _travel_height(self, state: TensorDict) -> Tensor:
+    def _travel_height(self, state: EpisodeState) -> Tensor:
         return self.task.tables.travel_height[self.task.tables.step_index(state["subtask"])]
 
-    def _carry(self, state: TensorDict, scene: Scene, hand: Tensor) -> tuple[Tensor, Tensor]:
+    def _carry(self, state: EpisodeState, scene: Scene, hand: Tensor) -> tuple[Tensor, Tensor]:
         """Twist (N, 6) that brings the held part to its target, and whether to connect, (N,) bool."""
         moving, goal = self._connector_frames(state, scene.approach)
         turn = self._wrist_turn(hand, controller.rotation_vector(moving, goal))
@@ -126,13 +126,13 @@ class Assembler:
         )
         return torch.cat([twist[:, :3] + lever, twist[:, 3:]], dim=-1), connect
 
-    def _carry_height(self, state: TensorDict, scene: Scene) -> Tensor:
+    def _carry_height(self, state: EpisodeState, scene: Scene) -> Tensor:
         """Height of the part's middle at which it can be turned upright clear of everything, m, (N,)."""
         length = (scene.moving_connector - scene.part).norm(dim=-1)
         asked = self.task.tables.turn_height[self.task.tables.step_index(state["subtask"])]
         return torch.maximum(scene.target_connector[:, 2] + length + APPROACH + 0.01, asked)
 
-    def _straight_way(self, state: TensorDict, height: Tensor, beside: Tensor, turn: Tensor) -> StraightWay:
+    def _straight_way(self, state: EpisodeState, height: Tensor, beside: Tensor, turn: Tensor) -> StraightWay:
         """Where to go on a way whose last stretch is straight: to its mouth, in where nothing is beside it, or out."""
         k = self.task.tables.step_index(state["subtask"])
         insertion, play = self.task.tables.insertion[k], self.task.tables.clearance[k]
@@ -154,7 +154,7 @@ class Assembler:
         blocked = (angle > HALF_TURN) & (goal.abs() > WRIST_RANGE)
         return torch.where(blocked, turn * (1 - 2 * torch.pi / angle.clamp_min(1e-9)), turn)
 
-    def _connector_frames(self, state: TensorDict, approach: Tensor) -> tuple[Tensor, Tensor]:
+    def _connector_frames(self, state: EpisodeState, approach: Tensor) -> tuple[Tensor, Tensor]:
         """World frames (N, 3, 3) of the moving connector and of its goal, at the turn that the recipe names.
 
         A round part may slip about its axis, and need not be turned back: its frame is then the one that it would have

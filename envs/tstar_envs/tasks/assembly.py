@@ -6,7 +6,6 @@ Source: docs/task.md.
 from __future__ import annotations
 
 import torch
-from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 
 from tstar_envs import geometry
@@ -21,7 +20,7 @@ from tstar_envs.tasks.phase_reward import PHASES
 from tstar_envs.tasks.recipe_tables import RecipeTables
 from tstar_envs.tasks.scene_reader import Scene, SceneReader
 from tstar_envs.tasks.step_reward import StepReward, moved
-from tstar_envs.tasks.task import BatchedTask
+from tstar_envs.tasks.task import BatchedTask, EpisodeState
 
 DISTURBED = 0.1
 _ROBOT_QPOS = sawyer.NUM_JOINTS + 2
@@ -62,7 +61,7 @@ class Assembly(BatchedTask):
         """(N, parts, 7), world: a live view of the state, parts in the order of the observation."""
         return self.physics.qpos[:, _ROBOT_QPOS:].unflatten(-1, (self.tables.num_parts, 7))
 
-    def new_state(self) -> TensorDict:
+    def new_state(self) -> EpisodeState:
         """Episode state of N simulations that have not begun."""
         n, device = self.physics.num_sims, self.physics.device
         whole = {name: torch.zeros(n, dtype=torch.long, device=device) for name in _WHOLE}
@@ -70,9 +69,9 @@ class Assembly(BatchedTask):
         flags = {name: torch.zeros(n, dtype=torch.bool, device=device) for name in _FLAGS}
         points = {name: torch.zeros(n, 3, dtype=torch.float64, device=device) for name in _POINTS}
         potential = torch.zeros(n, len(PHASES), dtype=torch.float64, device=device)
-        return TensorDict({**whole, **real, **flags, **points, "potential": potential}, [n], device=device)
+        return {**whole, **real, **flags, **points, "potential": potential}
 
-    def initialize_episode(self, state: TensorDict, mask: Tensor) -> None:
+    def initialize_episode(self, state: EpisodeState, mask: Tensor) -> None:
         first = self.subtask or 0
         self.starts.place(mask, first)
         fresh = self.new_state()
@@ -80,14 +79,12 @@ class Assembly(BatchedTask):
         assign(state, fresh, mask)
         self.begin_subtask(state, mask)
 
-    def begin_episode(self, state: TensorDict, mask: Tensor) -> None:
+    def begin_episode(self, state: EpisodeState, mask: Tensor) -> None:
         """Starts the episode clocks of simulations that were put into a restored state."""
-        fresh = self.new_state().select(
-            "episode_step", "completed", "success", "wrong", "failed", "disturbed"
-        )
-        assign(state, fresh, mask)
+        fresh = self.new_state()
+        assign(state, {name: fresh[name] for name in _OF_EPISODES}, mask)
 
-    def begin_subtask(self, state: TensorDict, mask: Tensor) -> None:
+    def begin_subtask(self, state: EpisodeState, mask: Tensor) -> None:
         """Sets what the reward remembers for the subtask that `state` names, in the simulations of `mask`."""
         scene = self.scene(state)
         fresh = self.new_state()
@@ -98,16 +95,16 @@ class Assembly(BatchedTask):
         fresh["start_target"].copy_(scene.target_connector)
         fresh["lift_point"].copy_(scene.part + self.tables.waypoint[self.tables.step_index(state["subtask"])])
         fresh["potential"].copy_(self.step_reward.potentials(self.scene(fresh)))
-        kept = ("subtask", "episode_step", "completed", "reward", "success", "wrong", "failed", "disturbed")
-        assign(state, fresh.exclude(*kept), mask)
+        kept = ("subtask", "reward", *_OF_EPISODES)
+        assign(state, {name: value for name, value in fresh.items() if name not in kept}, mask)
 
-    def before_step(self, state: TensorDict, action: Tensor) -> None:
+    def before_step(self, state: EpisodeState, action: Tensor) -> None:
         grip = action[:, GRIPPER : GRIPPER + 1]
         closed = (grip > 0).double() if self.settings.gripper == "sign" else (grip + 1) / 2
         self._arm.copy_(action[:, : sawyer.NUM_JOINTS] * self._speeds)
         self._fingers.copy_(self._open + closed * self._stroke)
 
-    def after_step(self, state: TensorDict, action: Tensor, failed: Tensor) -> None:
+    def after_step(self, state: EpisodeState, action: Tensor, failed: Tensor) -> None:
         scene, sound = self.scene(state), ~failed
         state["episode_step"] = state["episode_step"] + 1
         asks = (action[:, CONNECT] > 0) & sound
@@ -120,19 +117,19 @@ class Assembly(BatchedTask):
         if bool(connected.any()):
             self._connect(state, connected)
 
-    def get_reward(self, state: TensorDict) -> Tensor:
+    def get_reward(self, state: EpisodeState) -> Tensor:
         return state["reward"]
 
-    def get_termination(self, state: TensorDict) -> tuple[Tensor, Tensor]:
+    def get_termination(self, state: EpisodeState) -> tuple[Tensor, Tensor]:
         terminated = state["success"] | state["wrong"] | state["failed"]
         if self.settings.end_on_disturbance:
             terminated = terminated | state["disturbed"]
         return terminated, (state["episode_step"] >= self.step_limit) & ~terminated
 
-    def get_observation(self, state: TensorDict) -> Tensor:
+    def get_observation(self, state: EpisodeState) -> Tensor:
         return torch.cat([*self._observed, self._phases.index_select(0, state["phase"])], dim=-1)
 
-    def scene(self, state: TensorDict) -> Scene:
+    def scene(self, state: EpisodeState) -> Scene:
         """What the simulations look like to the subtask that each is at."""
         return self._reader.read(state)
 
@@ -143,7 +140,7 @@ class Assembly(BatchedTask):
         pose = torch.cat(geometry.compose_pose(target[:, :3], target[:, 3:], ideal[:3], ideal[3:]), dim=-1)
         self.part_poses[mask] = self.tables.move_group(subtask, self.part_poses, pose)[mask]
 
-    def _wrong_connection(self, state: TensorDict, scene: Scene, asks: Tensor) -> Tensor:
+    def _wrong_connection(self, state: EpisodeState, scene: Scene, asks: Tensor) -> Tensor:
         held = scene.touches.all(0)
         suspects = asks & held.any(0)
         if not bool(suspects.any()):
@@ -155,7 +152,7 @@ class Assembly(BatchedTask):
         wrong[rows] = self._wrong.made(self.part_poses[rows], held[rows], step[rows])
         return wrong
 
-    def _connect(self, state: TensorDict, mask: Tensor) -> None:
+    def _connect(self, state: EpisodeState, mask: Tensor) -> None:
         """Welds the parts where they met, sends the arm home, and begins the next subtask."""
         for k in range(self.tables.num_steps):
             rows = mask & (state["subtask"] == k)
@@ -174,9 +171,10 @@ _WHOLE = ("subtask", "phase", "episode_step", "completed")
 _REAL = ("reward", "grip_action", "asked")
 _FLAGS = ("half_paid", "success", "wrong", "failed", "disturbed")
 _POINTS = ("start_tip", "start_target", "lift_point")
+_OF_EPISODES = ("episode_step", "completed", "success", "wrong", "failed", "disturbed")
 
 
-def assign(state: TensorDict, fresh: TensorDictBase, mask: Tensor) -> None:
+def assign(state: EpisodeState, fresh: EpisodeState, mask: Tensor) -> None:
     """Replaces entries of `state` by those of `fresh` in the simulations of `mask`; never writes in place."""
     for name, value in fresh.items():
         where = mask.reshape(-1, *[1] * (value.ndim - 1))

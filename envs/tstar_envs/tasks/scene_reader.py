@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import torch
-from tensordict import TensorDict
 from torch import Tensor
 
 from tstar_envs.connection import ALIGNED, Alignment
@@ -13,6 +12,7 @@ from tstar_envs.physics.view import PhysicsView
 from tstar_envs.robots import sawyer
 from tstar_envs.tasks.measures import MEASURES, POINTS, TURNED, VECTORS, Measures
 from tstar_envs.tasks.recipe_tables import RecipeTables
+from tstar_envs.tasks.task import EpisodeState
 
 _ALIGNMENT = slice(MEASURES["gap"], MEASURES["gap"] + len(ALIGNED))
 _OVER_LIFT = MEASURES["part_over_lift"]
@@ -120,7 +120,7 @@ class SceneReader:
         self._contacts = physics.sensors(fingers).t().unflatten(0, (len(sawyer.FINGERS), tables.num_parts))
         self._at: _AtSteps | None = None
 
-    def read(self, state: TensorDict) -> Scene:
+    def read(self, state: EpisodeState) -> Scene:
         """The scenes of `state`."""
         at = self._look_up(state["subtask"])
         vectors = self._vectors(state, at)
@@ -137,7 +137,7 @@ class SceneReader:
             self._at = _at_steps(self._tables, subtask.clone())
         return self._at
 
-    def _vectors(self, state: TensorDict, at: _AtSteps) -> Tensor:
+    def _vectors(self, state: EpisodeState, at: _AtSteps) -> Tensor:
         """Points and axes (3, V, N), m, world."""
         n = len(at.subtask)
         known = torch.cat([*self._poses, *(state[name] for name in _REMEMBERED)], dim=-1)

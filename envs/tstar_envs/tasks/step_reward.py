@@ -6,7 +6,6 @@ Source: docs/task.md, "Dense reward of one subtask".
 from __future__ import annotations
 
 import torch
-from tensordict import TensorDict
 from torch import Tensor
 
 from tstar_envs.robots import sawyer
@@ -17,9 +16,9 @@ from tstar_envs.tasks.measures import MEASURES
 from tstar_envs.tasks.phase_reward import PHASES, PhaseTables
 from tstar_envs.tasks.recipe_tables import RecipeTables
 from tstar_envs.tasks.scene_reader import Scene
+from tstar_envs.tasks.task import EpisodeState
 
-_BONUS, _JOINING, _CLOSING, _ASKING, _GRIP = range(5)
-_HAND_PAYS = slice(5, 7)
+_HAND_PAYS = 5  # the first row of what the hand's tilt and turn pay
 _HAND = slice(MEASURES["down"], MEASURES["down"] + 2)  # and "turn"
 _GRASP, _LIFT, _FINE = (PHASES.index(name) for name in ("grasp_leg", "lift_leg", "move_leg_fine"))
 
@@ -57,7 +56,7 @@ class StepReward:
         """Potential of each phase, (N, 8)."""
         return self.phases.potentials(scene.measures)
 
-    def pay(self, state: TensorDict, scene: Scene, action: Tensor, connected: Tensor) -> Tensor:
+    def pay(self, state: EpisodeState, scene: Scene, action: Tensor, connected: Tensor) -> Tensor:
         """Reward (N,) of the step that led to `scene`; moves `phase`, `potential` and what was paid on in `state`.
 
         `action` is (N, 9), `connected` (N,) bool: two parts were joined in this step. Joining them ends the subtask
@@ -66,11 +65,12 @@ class StepReward:
         """
         phase, half_paid, grip, none = state["phase"], state["half_paid"], action[:, GRIPPER], self._none
         by_phase = self._by_phase.index_select(1, phase)
+        bonus, joining, closing, asks, grips = by_phase[:_HAND_PAYS].unbind()
         potential, not_connected, at = self.potentials(scene), ~connected, phase.unsqueeze(0)
         fall = (state["potential"] - potential).gather(-1, at.t()).squeeze(-1)
         lost = (phase >= _LIFT) & ~scene.touching & not_connected
         difference = phase_reward.DIFFERENCE_SCALE * torch.where(lost, torch.minimum(fall, none), fall)
-        difference = difference + (grip - state["grip_action"]) * by_phase[_CLOSING]
+        difference = difference + (grip - state["grip_action"]) * closing
 
         met = self.phases.conditions(scene.measures, scene.touching, grip < none, connected)
         done = met.gather(0, at).squeeze(0) | connected
@@ -78,10 +78,8 @@ class StepReward:
         if self._pays_skipped:
             raised = raised | (connected & (phase <= _LIFT))
         raised = raised & ~half_paid
-        asking = torch.where(
-            scene.aligned & not_connected, (action[:, CONNECT] + 1.0) * by_phase[_ASKING], none
-        )
-        paid = torch.where(done, torch.where(connected, by_phase[_JOINING], by_phase[_BONUS]), none)
+        asking = torch.where(scene.aligned & not_connected, (action[:, CONNECT] + 1.0) * asks, none)
+        paid = torch.where(done, torch.where(connected, joining, bonus), none)
         paid = (
             paid
             + torch.where(raised, self._half, none)
@@ -89,10 +87,8 @@ class StepReward:
             - torch.where(connected, state["asked"], none)
         )
 
-        always = by_phase[_GRIP] * grip - 0.001 * torch.linalg.vector_norm(
-            action[:, : sawyer.NUM_JOINTS], dim=-1
-        )
-        always = always - 50.0 * moved(scene) + ((scene.measures[_HAND] - 1.0) * by_phase[_HAND_PAYS]).sum(0)
+        always = grips * grip - 0.001 * torch.linalg.vector_norm(action[:, : sawyer.NUM_JOINTS], dim=-1)
+        always = always - 50.0 * moved(scene) + ((scene.measures[_HAND] - 1.0) * by_phase[_HAND_PAYS:]).sum(0)
         always = always - torch.where(lost, self._dropping, none)
         state["half_paid"] = half_paid | raised
         state["asked"] = state["asked"] + asking

@@ -33,7 +33,7 @@ def side_by_side(device: str, start: TensorDict, cpu: BatchedEnvironment, act, s
         action = act(cpu.state)
         cpu.step(action)
         world.step(action.to(device))
-        ours, theirs = world.state.cpu(), cpu.state
+        ours, theirs = {name: value.cpu() for name, value in world.state.items()}, cpu.state
         rows.append(
             {
                 "observation": (world.observation().cpu() - cpu.observation())[:, :64].abs().max().item(),

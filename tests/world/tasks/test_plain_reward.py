@@ -19,7 +19,7 @@ def test_every_step_of_noisy_episodes_pays_what_the_definition_says(name):
         action = expert.act(world.state)
         action[3:, :7] += 0.2 * torch.randn(3, 7, generator=generator, dtype=torch.float64)  # drops parts
         action[torch.rand(6, generator=generator) < 0.05, 8] = 1.0  # asks too early
-        before = world.state.clone()
+        before = dict(world.state)
         welds, restart = world.physics.eq_active.clone(), torch.stack(task.get_termination(before)).any(0)
         world.step(action)
         connected = (world.physics.eq_active != welds).any(-1)
