@@ -32,7 +32,7 @@ def main(config: DictConfig) -> None:
         if following:
             update_f = turn.labelled_update("feasibility", following, outcome_loss, learning)
             f = FeasibilityReward(following.network("feasibility"), **config.terminal_reward)
-            terms["tsr"], later = turn.signal("feasibility", f), f.said
+            terms["tsr"], later = turn.signal("feasibility", f, config.label), f.said
         reward = weighted(settings(RewardMixture, config.reward), terms)
 
         for rollout in turn.rollouts():

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from tstar_rl.rollouts.state_sets import InitiationSet, TerminationSet
     from tstar_rl.transforms.episode_start import EpisodeStart
     from tstar_rl.transforms.gail_reward import GAILReward
+    from tstar_rl.transforms.hand_over_rewards import FeasibilityReward, HandOverValueReward
+    from tstar_rl.transforms.proximity_reward import ProximityReward
     from tstar_rl.transforms.reward_mixture import RewardMixture
     from tstar_rl.transforms.skill_chain_reset import SkillChainReset
     from tstar_rl.transforms.terminal_state_reward import ConstantBonus, TerminalStateReward
@@ -26,10 +28,13 @@ HOMES = {
     "ConstantBonus": "transforms",
     "Demonstrations": "demonstrations.data_set",
     "EpisodeStart": "transforms",
+    "FeasibilityReward": "transforms",
     "FurnitureEnv": "env.furniture_env",
     "GAILReward": "transforms",
+    "HandOverValueReward": "transforms",
     "InitiationSet": "rollouts.state_sets",
     "NetworkSettings": "chaining.skill",
+    "ProximityReward": "transforms",
     "RewardMixture": "transforms",
     "Skill": "chaining.skill",
     "SkillChainReset": "transforms",
@@ -43,10 +48,13 @@ __all__ = [
     "ConstantBonus",
     "Demonstrations",
     "EpisodeStart",
+    "FeasibilityReward",
     "FurnitureEnv",
     "GAILReward",
+    "HandOverValueReward",
     "InitiationSet",
     "NetworkSettings",
+    "ProximityReward",
     "RewardMixture",
     "Skill",
     "SkillChainReset",

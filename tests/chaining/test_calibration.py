@@ -54,10 +54,12 @@ class Says:
 
 def test_a_signal_is_judged_by_what_the_next_skill_did():
     handed = torch.stack([SCORES, -SCORES], -1)
-    columns, curve = judge("f", Says(), handed, OUTCOMES)
+    columns, curve = judge("f", Says(), handed, OUTCOMES, OUTCOMES)
     assert columns["f_auc"] == 1 and columns["f_brier"] == pytest.approx(0.135)
     assert columns["f_sd"] == pytest.approx(float(SCORES.std())) and int(curve.count.sum()) == 4
-    wrong, _ = judge("f", Says(1), handed, OUTCOMES)
+    shares, _ = judge("f", Says(), handed, OUTCOMES, torch.tensor([0.0, 0.5, 0.5, 1.0]))
+    assert shares["f_auc"] == 1 and shares["f_brier"] == pytest.approx((0.01 + 0.04 + 0.09) / 4)
+    wrong, _ = judge("f", Says(1), handed, OUTCOMES, OUTCOMES)
     assert wrong["f_auc"] == 0.5 and wrong["f_sd"] == 0  # clipped to zero, as it would be paid
-    nothing, curve = judge("f", Says(), handed[:0], OUTCOMES[:0])
+    nothing, curve = judge("f", Says(), handed[:0], OUTCOMES[:0], OUTCOMES[:0])
     assert curve is None and all(math.isnan(value) for value in nothing.values())

@@ -105,15 +105,16 @@ def critic_errors(
 
 @torch.no_grad()
 def judge(
-    name: str, signal: Signal, handed: Tensor, succeeded: Tensor
+    name: str, signal: Signal, handed: Tensor, succeeded: Tensor, outcome: Tensor
 ) -> tuple[dict[str, float], Reliability | None]:
-    """How well what a signal says of states tells whether the next skill then succeeded.
+    """How well what a signal says of states tells what then happened.
 
     Args:
         name: prefix of the columns.
         signal: what is judged; its scores are clipped to [0, 1], as they are paid.
         handed: (n, O), the states.
-        succeeded: (n,) bool.
+        succeeded: (n,) bool, whether the next skill did: the AUC is against this.
+        outcome: (n,) in [0, 1], what the signal is to say: the others are against this.
 
     Returns:
         Columns auc, sd (of the scores), brier, ece (see `calibration`), and the reliability curve; None of no states.
@@ -121,11 +122,11 @@ def judge(
     if not len(handed):
         return {f"{name}_{column}": math.nan for column in ("auc", "sd", "brier", "ece")}, None
     scores = signal.said(handed).squeeze(-1).clamp(0.0, 1.0)
-    curve = reliability_curve(scores, succeeded)
+    curve = reliability_curve(scores, outcome)
     found = {
         "auc": area_under_curve(scores, succeeded),
         "sd": float(scores.std()) if len(scores) > 1 else math.nan,
-        "brier": brier_score(scores, succeeded),
+        "brier": brier_score(scores, outcome),
         "ece": expected_calibration_error(curve),
     }
     return {f"{name}_{column}": value for column, value in found.items()}, curve

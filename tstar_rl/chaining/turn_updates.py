@@ -11,6 +11,7 @@ from tstar_rl.chaining.chain_training import ChainTraining
 from tstar_rl.chaining.signals import Signal, critic_errors, outcomes_of
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.chaining.training import Distance, Training
+from tstar_rl.rollouts.labelled_sets import Label
 from tstar_rl.updates import (
     DiscriminatorSettings,
     DiscriminatorUpdate,
@@ -45,7 +46,7 @@ class TurnUpdates(Training):
         following: the next skill; None after the last.
         seam: the skills whose states d_omega is trained on in this turn; None where there is no such seam.
         seams: that with the skill before and that with the next skill, those that there are.
-        signals: by name, what pays this turn and is judged at its end; see `signal`.
+        signals: by name, what pays this turn and is judged at its end, and by which label; see `signal`.
     """
 
     def __init__(self, chain: ChainTraining, index: int, seed: int) -> None:
@@ -64,7 +65,7 @@ class TurnUpdates(Training):
         self.seam = None if None in seam else Seam(*seam)  # pyright: ignore[reportArgumentType]
         around = [each for each in (previous, self.skill, self.following) if each is not None]
         self.seams = [Seam(*both) for both in pairwise(around)]
-        self.signals: dict[str, Signal] = {}
+        self.signals: dict[str, tuple[Signal, Label]] = {}
 
     def discriminator_update(
         self, name: str, skill: Skill, settings: DiscriminatorSettings, **labels: float
@@ -101,9 +102,9 @@ class TurnUpdates(Training):
             return rollout
         return rollout[rollout["start_chained"].squeeze(-1)]
 
-    def signal(self, name: str, signal: AnySignal) -> AnySignal:
-        """Notes that a signal pays this turn, so that it is judged at the end; returns the signal."""
-        self.signals[name] = signal
+    def signal(self, name: str, signal: AnySignal, label: Label = "success") -> AnySignal:
+        """Notes that a signal pays this turn, so that it is judged at the end by a label; returns the signal."""
+        self.signals[name] = signal, label
         return signal
 
     def outcomes(

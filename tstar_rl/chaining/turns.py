@@ -66,8 +66,9 @@ class Turn(TurnUpdates):
             return {}
         handed = trial.skills[self.index + 1]
         found = {"handed": len(handed.starts), "next_success": handed.success}
-        for name, signal in self.signals.items():
-            columns, curve = judge(name, signal, handed.starts, handed.succeeded)
+        outcomes = {"success": handed.succeeded, "share": trial.share_from(self.index + 1)}
+        for name, (signal, label) in self.signals.items():
+            columns, curve = judge(name, signal, handed.starts, handed.succeeded, outcomes[label])
             found |= columns
             if curve is not None:
                 self.run.log_calibration(self.steps, self.index, name, curve)

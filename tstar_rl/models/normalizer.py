@@ -79,6 +79,21 @@ class Normalizer(nn.Module):
         self.scale.clamp_(min=floor)
         return below
 
+    @torch.no_grad()
+    def widen(self, obs: Tensor) -> int:
+        """Raises the deviations to those of obs (..., obs_dim) around the mean that is there; returns how many rose.
+
+        The networks behind see the same as before of every input that varied more than that when it was fitted. Without
+        any observations nothing is changed.
+        """
+        rows = obs.reshape(-1, obs.shape[-1]).to(self.loc)
+        if not len(rows):
+            return 0
+        found = (rows - self.loc).square().mean(0).sqrt()
+        wider = int((found > self.scale).sum())
+        self.scale.copy_(torch.maximum(self.scale, found))
+        return wider
+
 
 class Standardizer(Normalizer):
     """A normaliser of one network's own, fitted to the states that the network learns from.
