@@ -18,7 +18,8 @@ SIGNALS = {
 @pytest.mark.timeout(1800)  # a dozen processes: minutes on a machine that does other things
 def test_signals_fine_tune_a_chain_and_are_judged(tmp_path):
     skills = [f"demonstrations_dir={tmp_path}", "demonstrations.episodes=96", "demonstrations.num_envs=96"]
-    skills += ["bc.epochs=60", "training.total_steps=0", *places(tmp_path, "a")]  # clones that succeed now and then
+    # Clones that succeed now and then.
+    skills += ["bc.epochs=60", "training.total_steps=0", *places(tmp_path, "a")]
     for index in range(2):
         for recipe, own in (("make_demonstrations", ["kinds=[noisy]"]), ("gail_ppo", [])):
             done = run(recipe, *skills, f"subtask={index}", *own)
