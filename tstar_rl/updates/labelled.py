@@ -18,7 +18,7 @@ __all__ = ["LabelledSettings", "LabelledUpdate"]
 
 @dataclass(frozen=True)
 class LabelledSettings:
-    """How a network learns the labels of states. The defaults are those of the classifier that was measured first."""
+    """How a network learns the labels of states; docs/decisions/0021-signals.md says what was tried."""
 
     learning_rate: float = 3e-4
     minibatch: int = 256
@@ -27,9 +27,9 @@ class LabelledSettings:
     weight_decay: float = 1e-2
     noise: float = 0.1
     """Deviation of what is added to the normalised observations in training."""
-    floor: float | None = 1e-4
-    """The network standardises its input by the states that it learns from, deviations floored at this, in the units of
-    the observation. None: it reads what the skill's other networks read, whose floor may hide a third of a degree."""
+    floor: float | None = None
+    """None: the network reads what the policy does whose outcomes it learns. A number: it standardises its input by the
+    states that it learns from, with deviations floored at this, in the units of the observation."""
 
     def __post_init__(self) -> None:
         check_ranges(
