@@ -1,6 +1,6 @@
 """How many lines any two recipes share from `def main` on: the bookkeeping that was not taken out of them.
 
-python tools/shared_lines.py             # the recipes of the paper's systems; or name others: ... tstar evaluate
+python tools/shared_lines.py             # all systems, the paper's and others; or name some: ... tstar evaluate
 
 Blank lines, comments, docstrings and indentation do not count. A line that stands twice in both counts twice.
 """
@@ -14,7 +14,10 @@ from collections import Counter
 from pathlib import Path
 
 RECIPES = Path(__file__).resolve().parents[1] / "recipes"
-SYSTEMS = ("bc", "ppo", "gail", "gail_ppo", "spirl", "policy_sequencing", "tstar")
+SYSTEMS = (
+    *("bc", "ppo", "gail", "gail_ppo", "spirl", "policy_sequencing", "tstar"),
+    *("feasibility", "hand_over_value", "proximity", "scar_like"),
+)
 
 
 def code_lines(source: str) -> list[str]:

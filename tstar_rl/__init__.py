@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from tstar_rl.seeds import derive_seed
     from tstar_rl.transforms.episode_start import EpisodeStart
     from tstar_rl.transforms.gail_reward import GAILReward
+    from tstar_rl.transforms.hand_over_rewards import FeasibilityReward, HandOverValueReward
+    from tstar_rl.transforms.proximity_reward import ProximityReward
     from tstar_rl.transforms.reward_mixture import RewardMixture, weighted
     from tstar_rl.transforms.skill_chain_reset import SkillChainReset
     from tstar_rl.transforms.terminal_state_reward import ConstantBonus, TerminalStateReward
@@ -39,10 +41,13 @@ HOMES = {
     "Demonstrations": "demonstrations.data_set",
     "DiscriminatorSettings": "updates",
     "EpisodeStart": "transforms",
+    "FeasibilityReward": "transforms",
     "FurnitureEnv": "env.furniture_env",
     "GAILReward": "transforms",
+    "HandOverValueReward": "transforms",
     "InitiationSet": "rollouts.state_sets",
     "NetworkSettings": "chaining.skill",
+    "ProximityReward": "transforms",
     "RewardMixture": "transforms",
     "Run": "runs.run",
     "Skill": "chaining.skill",
@@ -71,10 +76,13 @@ __all__ = [
     "Demonstrations",
     "DiscriminatorSettings",
     "EpisodeStart",
+    "FeasibilityReward",
     "FurnitureEnv",
     "GAILReward",
+    "HandOverValueReward",
     "InitiationSet",
     "NetworkSettings",
+    "ProximityReward",
     "RewardMixture",
     "Run",
     "Skill",

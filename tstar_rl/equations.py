@@ -1,4 +1,4 @@
-"""The paper's rewards and losses as pure functions of tensors.
+"""The paper's rewards and losses as pure functions of tensors; `signal_equations` has those of other chaining methods.
 
 "The paper" is Lee et al., *Adversarial Skill Chaining for Long-Horizon Robot Manipulation via Terminal State
 Regularization*, CoRL 2021; "AMP" is Peng et al., 2021, whose formulation of GAIL the paper adopts; "SPiRL" is

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tstar_rl.analysis import hand_over_matrix, terminal_state_plane
+from tstar_rl.analysis import hand_over_matrix, read_calibration, reliability_figure, terminal_state_plane
 from tstar_rl.analysis.terminal_states import (
     add_plane,
     one_sided,
@@ -75,6 +75,29 @@ def test_the_hand_over_matrix_is_drawn_with_what_is_missing():
     own, handed = hand_over_matrix(pd.DataFrame(rows)).axes
     assert [text.get_text() for text in own.texts] == ["1.00", "1.00"]
     assert [text.get_text() for text in handed.texts] == ["", "0.50"]
+
+
+def test_what_signals_said_is_read_and_drawn_against_what_happened(tmp_path):
+    folder = tmp_path / "table" / "feasibility" / "seed4"
+    folder.mkdir(parents=True)
+    rows = {"env_steps": [8, 8, 9], "skill": [0, 0, 1], "signal": ["f"] * 3}
+    rows |= {"score": [0.2, 0.9, 0.5], "outcome": [0.5, 1.0, 0.25], "states": [10, 40, 20]}
+    pd.DataFrame(rows).to_csv(folder / "calibration.csv", index=False)
+    table = read_calibration(tmp_path)
+    assert table.recipe.tolist() == ["feasibility"] * 3 and table.seed.tolist() == [4] * 3
+    (axes,) = reliability_figure(table).axes
+    first, second = axes.collections
+    np.testing.assert_allclose(first.get_offsets(), [[0.2, 0.5], [0.9, 1.0]])
+    np.testing.assert_allclose(second.get_offsets(), [[0.5, 0.25]])
+    np.testing.assert_allclose(first.get_sizes(), [30, 120])  # areas go with the states
+    assert axes.get_title() == "f" and [text.get_text() for text in axes.get_legend().get_texts()] == [
+        "after skill 0",
+        "after skill 1",
+    ]
+    assert (
+        "calibration.csv"
+        in reliability_figure(read_calibration(tmp_path / "none")).axes[0].texts[0].get_text()
+    )
 
 
 PUBLISHED = Path(__file__).resolve().parents[2] / "results" / "published"

@@ -86,6 +86,19 @@ def test_episodes_begin_where_the_skill_before_ended(recipe, point_chain, monkey
         assert chained == 0 if index == 0 else 0.2 < chained < 0.9, (index, chained)
 
 
+def test_a_chain_is_refitted_to_its_own_states(point_chain, tmp_path):
+    """Skill 3 was fitted around x = 3.5; in the chain it begins at y > 0 alone, and the other inputs never vary."""
+    table = point_chain("refitted", "scale=laptop", "chain.trial_episodes=16")
+    assert table.skill.tolist() == list(range(NUM_SKILLS)) and (table.env_steps > 0).all()
+    for index, skill in enumerate(load_chain(tmp_path / "runs/table_lack/refitted/seed0/last")):
+        first = Skill.load(tmp_path / f"runs/table_lack/gail_ppo/seed0/subtask{index}/last")
+        wider = skill.normalizer.scale > first.normalizer.scale
+        assert int(wider.sum()) == table.widened_inputs[index]
+        assert torch.equal(skill.normalizer.loc, first.normalizer.loc)
+        for name, value in first.policy.named_parameters():
+            assert torch.equal(value, dict(skill.policy.named_parameters())[name])
+
+
 def test_a_floor_raised_after_the_fact_changes_the_inputs_alone(point_chain, tmp_path):
     table = point_chain("floored", "scale=laptop", "floor=0.7")
     assert (table.raised_inputs > 0).all() and table.skill.tolist() == list(range(NUM_SKILLS))

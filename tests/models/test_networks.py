@@ -31,6 +31,18 @@ def test_a_floor_can_be_raised_after_the_fact():
         normalizer.raise_to(0.0)
 
 
+def test_deviations_are_widened_to_those_of_other_states():
+    normalizer = Normalizer(2)
+    normalizer.fit(
+        torch.tensor([[0.0, -1.0], [0.002, 1.0]]), floor=0.005
+    )  # means .001 and 0, deviations .005 and 1
+    # Around those means the new states have deviations of 0.3 (-.3 and .3) and .5.
+    assert normalizer.widen(torch.tensor([[-0.299, 0.5], [0.301, -0.5]])) == 1
+    torch.testing.assert_close(normalizer.scale, torch.tensor([0.3, 1.0]))
+    torch.testing.assert_close(normalizer.loc, torch.tensor([0.001, 0.0]))
+    assert normalizer.widen(torch.zeros(0, 2)) == 0
+
+
 def test_running_statistics_equal_those_of_all_rows():
     rows = torch.randn(60, 3, generator=torch.Generator().manual_seed(1)) * 3 + 1
     running, whole = Normalizer(3), Normalizer(3)

@@ -12,7 +12,16 @@ from transform_parts import FixedStarts, Slot
 
 from tstar_rl.rollouts.starts import MixedStarts
 from tstar_rl.spirl import LatentExecution
-from tstar_rl.transforms import EpisodeStart, GAILReward, RewardMixture, SkillChainReset, TerminalStateReward
+from tstar_rl.transforms import (
+    EpisodeStart,
+    FeasibilityReward,
+    GAILReward,
+    HandOverValueReward,
+    ProximityReward,
+    RewardMixture,
+    SkillChainReset,
+    TerminalStateReward,
+)
 
 
 def repeat(latent, observation, step):
@@ -26,6 +35,9 @@ TRANSFORMS = {
     "GAILReward next": (lambda: GAILReward(Slot(), state="next"), "reward_gail", True),
     "TerminalStateReward": (lambda: TerminalStateReward(Slot()), "reward_tsr", True),
     "TerminalStateReward before": (lambda: TerminalStateReward(Slot(), score="before"), "reward_tsr", True),
+    "FeasibilityReward": (lambda: FeasibilityReward(Slot()), "reward_tsr", True),
+    "HandOverValueReward": (lambda: HandOverValueReward(Slot(), Slot(1), 0.01, 2.0), "reward_tsr", True),
+    "ProximityReward": (lambda: ProximityReward(Slot()), "reward_proximity", True),
     "RewardMixture": (lambda: RewardMixture({"env": 0.5}), "reward", True),
     "EpisodeStart": (EpisodeStart, "start_observation", False),
     "SkillChainReset": (lambda: SkillChainReset(FixedStarts()), None, False),

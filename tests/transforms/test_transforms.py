@@ -1,5 +1,7 @@
 """What each transform does; the contract that all of them meet is in `test_transform_contract.py`."""
 
+import math
+
 import pytest
 import torch
 from tensordict import TensorDict
@@ -10,7 +12,10 @@ from transform_parts import FixedStarts, Slot
 from tstar_rl.transforms import (
     ConstantBonus,
     EpisodeStart,
+    FeasibilityReward,
     GAILReward,
+    HandOverValueReward,
+    ProximityReward,
     RewardMixture,
     SkillChainReset,
     TerminalStateReward,
@@ -42,6 +47,33 @@ def test_terminal_state_reward_is_paid_on_success_alone():
     assert_close(before["next", "reward_tsr"], torch.tensor([[0.0], [0.2]]))
     constant = TerminalStateReward(ConstantBonus(0.45))(batch)
     assert_close(constant["next", "reward_tsr"], torch.tensor([[0.0], [0.45]]))
+
+
+def test_feasibility_is_paid_on_success_alone():
+    batch = steps([5.0, 5.0], [math.log(3.0), math.log(3.0)], success=(False, True))  # F is 3/4 at log 3
+    found = FeasibilityReward(Slot())(batch.clone())
+    assert_close(found["next", "reward_tsr"], torch.tensor([[0.0], [0.75]]))
+    centred = FeasibilityReward(Slot(), baseline="running_mean")(batch)  # a first success sets the mean
+    assert_close(centred["next", "reward_tsr"], torch.tensor([[0.0], [0.0]]))
+
+
+def test_a_hand_over_is_paid_the_next_value_as_far_as_it_is_sure():
+    batch = steps([0.0, 0.0], [1.0, 1.0], success=(False, True))
+    trusted = HandOverValueReward(Slot(), None, alpha=4.0, scale=2.0)(batch.clone())
+    assert_close(
+        trusted["next", "reward_tsr"], torch.tensor([[0.0], [0.5]])
+    )  # a value of 1, where 2 counts as 1
+
+    def error(obs):
+        return torch.full_like(obs[:, :1], 0.125)
+
+    doubted = HandOverValueReward(Slot(), error, alpha=4.0, scale=2.0)(batch)
+    assert_close(doubted["next", "reward_tsr"], torch.tensor([[0.0], [0.25]]))  # half the trust is left
+
+
+def test_proximity_pays_each_step_and_the_end_once_more():
+    found = ProximityReward(Slot())(steps([0.25, 0.75], [0.5, 0.5], success=(False, True)))
+    assert_close(found["next", "reward_proximity"], torch.tensor([[0.25], [0.25]]))  # .5 - .75 + .5
 
 
 def test_running_mean_is_subtracted_and_saved():
@@ -140,6 +172,12 @@ def test_draws_resume_from_the_state_dict():
         (lambda: TerminalStateReward(Slot(), score="mean"), "'terminal' or 'before', got 'mean'"),
         (lambda: TerminalStateReward(Slot(), baseline="mean"), "'none' or 'running_mean', got 'mean'"),
         (lambda: TerminalStateReward(Slot(), momentum=0.0), r"\(0, 1\], got 0.0"),
+        (lambda: FeasibilityReward(Slot(), score="mean"), "'terminal' or 'before', got 'mean'"),
+        (
+            lambda: HandOverValueReward(Slot(), None, -1.0, 1.0),
+            "alpha must not be negative.* got -1.0 and 1.0",
+        ),
+        (lambda: HandOverValueReward(Slot(), None, 1.0, 0.0), "scale positive, got 1.0 and 0.0"),
         (lambda: ConstantBonus(2.0), r"\[0, 1\].*got 2.0"),
         (lambda: RewardMixture({"env": 0.0, "gail": 0.0}), "nothing to learn from"),
         (lambda: RewardMixture({"env": float("nan")}), "must be finite"),

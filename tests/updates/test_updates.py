@@ -144,6 +144,52 @@ def test_a_discriminator_learns_to_tell_apart():
         update(expert=high, agent=low)
 
 
+def two_sides(one: float, other: float) -> list[dict[str, torch.Tensor]]:
+    """Initiation and termination sets at two seams, apart along one number each."""
+    sides = []
+    for slot, sign in ((0, one), (1, other)):
+        states = torch.randn(200, 72, generator=torch.Generator().manual_seed(slot))
+        initiation, termination = states.clone(), states.clone()
+        initiation[:, slot] += sign
+        termination[:, slot] -= sign
+        sides.append({"initiation": initiation, "termination": termination})
+    return sides
+
+
+def test_a_discriminator_of_two_sides_tells_apart_at_both():
+    labels = {"initiation": 1.0, "termination": 0.0}
+    settings = DiscriminatorSettings(learning_rate=1e-2, gradient_penalty=0.0, steps=200)
+
+    def gaps(sides: list[dict[str, torch.Tensor]], used: slice) -> list[float]:
+        torch.manual_seed(0)
+        network = make_discriminator(72, hidden=(32,))
+        DiscriminatorUpdate("d", network, labels, settings).on_sides(sides[used])
+        said = [{kind: network(rows).detach().mean() for kind, rows in side.items()} for side in sides]
+        return [float(each["initiation"] - each["termination"]) for each in said]
+
+    sides = two_sides(1.5, -1.5)
+    assert min(gaps(sides, slice(0, 2))) > 0.4
+    first = gaps(sides, slice(0, 1))
+    assert first[0] > 0.4 > abs(first[1])  # what T-STAR's has: one side
+
+
+def test_one_side_of_weight_one_is_the_plain_update_and_an_empty_side_is_none():
+    labels, side = {"initiation": 1.0, "termination": 0.0}, two_sides(1.0, 1.0)[0]
+    found = []
+    for number in range(3):
+        torch.manual_seed(0)
+        network = make_discriminator(72, hidden=(8,))
+        update = DiscriminatorUpdate("d", network, labels, DiscriminatorSettings(steps=5))
+        empty = {"initiation": torch.zeros(0, 1), "termination": side["termination"]}
+        log = update(**side) if number == 0 else update.on_sides([side, empty][:number], weight=1.0)
+        found.append((log, state_of(network)))
+        assert update.on_sides([empty]) == {}
+    assert found[0][0] == found[1][0] == found[2][0]
+    assert same(found[0][1], found[1][1]) and same(found[0][1], found[2][1])
+    with pytest.raises(TypeError, match="the update of d takes observations of initiation, termination; got"):
+        update.on_sides([{"expert": side["initiation"]}])
+
+
 @pytest.mark.parametrize("steps", [1, 5])
 def test_an_update_takes_the_steps_and_the_minibatch_that_are_asked_for(steps, monkeypatch):
     torch.manual_seed(0)

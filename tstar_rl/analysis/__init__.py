@@ -15,7 +15,7 @@ from tstar_rl.analysis.experiments import (
 from tstar_rl.analysis.figures.arms import ablation_figure, arms_figure, differences_figure
 from tstar_rl.analysis.figures.curves import ablation_curves, learning_curves, seed_curves
 from tstar_rl.analysis.figures.panels import save_figure
-from tstar_rl.analysis.figures.states import hand_over_matrix, terminal_state_plane
+from tstar_rl.analysis.figures.states import hand_over_matrix, reliability_figure, terminal_state_plane
 from tstar_rl.analysis.statistics import (
     improvement_interval,
     interquartile_interval,
@@ -27,6 +27,7 @@ from tstar_rl.analysis.statistics import (
 from tstar_rl.analysis.tables import (
     episode_progress,
     evaluation_table,
+    read_calibration,
     read_evaluations,
     read_hand_over,
     read_metrics,
@@ -58,11 +59,13 @@ __all__ = [
     "performance_profile",
     "probability_of_improvement",
     "product_of_skills",
+    "read_calibration",
     "read_evaluations",
     "read_experiment",
     "read_hand_over",
     "read_metrics",
     "read_terminal_states",
+    "reliability_figure",
     "save_figure",
     "seed_curves",
     "spread",

@@ -19,6 +19,7 @@ __all__ = [
     "config_of",
     "episode_progress",
     "evaluation_table",
+    "read_calibration",
     "read_evaluations",
     "read_hand_over",
     "read_metrics",
@@ -42,6 +43,15 @@ def read_evaluations(root: str | Path = "results") -> pd.DataFrame:
         ValueError: if a table has rows of another seed than its folder's.
     """
     return _read(root, "evaluation.csv", commits=True)
+
+
+def read_calibration(root: str | Path = "results") -> pd.DataFrame:
+    """Every calibration.csv below `root`, with columns task, recipe, seed, subtask added.
+
+    A row is a bin of the scores that a signal gave, after one turn, to the states that a skill handed over: mean score,
+    mean outcome, number of states.
+    """
+    return _read(root, "calibration.csv")
 
 
 def read_hand_over(root: str | Path = "results") -> pd.DataFrame:

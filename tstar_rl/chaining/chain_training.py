@@ -36,6 +36,10 @@ class ChainSettings:
     """Whose d_omega a turn of skill i trains: that of skill i + 1, which pays the turn, or that of skill i."""
     carry_over: bool
     """Whether optimisers and simulations of a skill go on from its last turn, or each turn makes new ones."""
+    order: Literal["forward", "backward"]
+    """Of the turns in a round: from the first skill to the last (Algorithm 1), or from the last to the first."""
+    path_steps: int
+    """How many of the last states of a skill's episodes a trial keeps, for signals along the way; 0: none."""
     logged_skill: int
     """Whose terminal states are logged, for the paper's Figure 4."""
     logged_states: int
@@ -97,6 +101,28 @@ class ChainTraining:
             starts = found.starts[found.succeeded]
             skill.initiation_set.extend(TensorDict({"observation": starts}, [len(starts)]))
             skill.termination_set.extend(found.ends)
+        self.keep_outcomes(trial)
+
+    def keep_outcomes(self, trial: Trial, rejected: int | None = None) -> None:
+        """Adds what a trial tells of all starts, failed ones too, and of the states on the way to them.
+
+        Args:
+            trial: of the chain.
+            rejected: the skill whose turn was put back after this trial. What it and those before it led to is then not
+                what they lead to now, and is left out; the skills after it are as they were.
+        """
+        for index, (skill, found) in enumerate(zip(self.skills, trial.skills, strict=True)):
+            if rejected is not None and index <= rejected:
+                continue
+            skill.outcomes.add(found.starts, found.succeeded, trial.share_from(index))
+            if index + 1 < len(self.skills):
+                path, following = found.path, self.skills[index + 1]
+                following.approaches.add(path.states, path.steps_left, trial.handed_over(index))
+
+    def skill_of(self, turn: int) -> int:
+        """Which skill has turn number `turn`."""
+        place = turn % len(self.skills)
+        return place if self.settings.order == "forward" else len(self.skills) - 1 - place
 
     def kept_by(self, index: int) -> dict[str, Any]:
         """The updates and the collection of skill `index`, by name; a turn adds those that it makes."""

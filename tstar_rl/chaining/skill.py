@@ -2,22 +2,25 @@
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import torch
 from torch import nn
 
 from tstar_rl.env.layout import observation_size
 from tstar_rl.models.networks import Discriminator, make_discriminator, make_policy, make_value
-from tstar_rl.models.normalizer import Normalizer
+from tstar_rl.models.normalizer import Normalizer, Standardizer
 from tstar_rl.models.relative_features import RelativeFeatures
 from tstar_rl.models.return_scale import ReturnScale
-from tstar_rl.rollouts.state_sets import InitiationSet, TerminationSet
+from tstar_rl.rollouts.labelled_sets import ApproachSet, OutcomeSet
+from tstar_rl.rollouts.state_sets import InitiationSet, StateSet, TerminationSet
 from tstar_rl.runs import checkpoint
 
 __all__ = ["NetworkSettings", "Skill"]
 
 ACTIVATIONS = {"relu": nn.ReLU, "tanh": nn.Tanh}
+APPROACH = 16
+"""Approaching states kept for each start: an episode has many states and one end."""
 
 
 @dataclass(frozen=True)
@@ -46,14 +49,20 @@ class Skill:
 
     A skill always has a policy, a value network and the paper's two discriminators, f_phi and d_omega. A chaining
     method that needs a further network of the skill's states asks for it by name (`network`): it is then saved, moved
-    and rolled back with the rest.
+    and rolled back with the rest. So are the skill's sets of states.
+
+    Attributes:
+        initiation_set: I_i, states from which it has succeeded.
+        termination_set: beta_i, states in which it has succeeded.
+        outcomes: states in which it began, failed starts too, and what came of each.
+        approaches: states on the way to a start of it, and how near they were; of `APPROACH` times the capacity.
 
     Args:
         task: furniture.
         subtask: 0-based; None for one policy of the whole task.
         settings: sizes of the networks.
         features: geometry of the subtask (`env.furniture_env.subtask_geometry`), if the settings ask for features.
-        capacity: of each of the two sets.
+        capacity: of each set.
         obs_dim: numbers in an observation of the task; the default is that of furniture of five parts.
 
     Raises:
@@ -87,6 +96,7 @@ class Skill:
         self.networks = {name: self._make_network() for name in ("f_phi", "d_omega")}
         self.return_scale = ReturnScale()
         self.initiation_set, self.termination_set = InitiationSet(capacity), TerminationSet(capacity)
+        self.outcomes, self.approaches = OutcomeSet(capacity), ApproachSet(APPROACH * capacity)
 
     @property
     def f_phi(self) -> Discriminator:
@@ -98,10 +108,20 @@ class Skill:
         """The discriminator of this skill's initiation set."""
         return self.networks["d_omega"]
 
-    def network(self, name: str) -> Discriminator:
+    @property
+    def sets(self) -> dict[str, StateSet]:
+        """The sets of states by name."""
+        names = ("initiation_set", "termination_set", "outcomes", "approaches")
+        return {name: getattr(self, name) for name in names}
+
+    def network(self, name: str, floor: float | None = None) -> Discriminator:
         """The network of that name: observation (..., O) -> score (..., 1). One that is new is made.
 
         The numbers that it begins with depend on torch's global generator, which is left as it was.
+
+        Args:
+            name: of the network.
+            floor: of a `Standardizer` of the new network's own; None: it reads what the skill's normaliser gives.
 
         Raises:
             ValueError: if the name is that of another module of the skill.
@@ -110,21 +130,20 @@ class Skill:
             raise ValueError(f"{name} is a module of every skill: give the further network another name")
         if name not in self.networks:
             with torch.random.fork_rng(devices=[]):
-                self.networks[name] = self._make_network().to(self.initiation_set.device)
+                self.networks[name] = self._make_network(floor).to(self.initiation_set.device)
         return self.networks[name]
 
-    def _make_network(self) -> Discriminator:
+    def _make_network(self, floor: float | None = None) -> Discriminator:
         hidden = self.settings.discriminator_hidden
         activation = ACTIVATIONS[self.settings.discriminator_activation]
-        return make_discriminator(
-            self.obs_dim, hidden=hidden, activation=activation, normalizer=self.normalizer
-        )
+        normalizer = self.normalizer if floor is None else Standardizer(self.obs_dim, floor)
+        return make_discriminator(self.obs_dim, hidden=hidden, activation=activation, normalizer=normalizer)
 
     def to(self, device: torch.device | str) -> "Skill":
         """Moves networks and sets; returns the skill."""
         for module in self.modules.values():
             module.to(device)
-        for states in (self.initiation_set, self.termination_set):
+        for states in self.sets.values():
             states.to(device)
         return self
 
@@ -145,18 +164,24 @@ class Skill:
         """What `network_state` gave. A further network that was made since stays as it is."""
         for name, values in state.items():
             module = self.modules.get(name)
-            cast(nn.Module, self.network(name) if module is None else module).load_state_dict(values)
+            if module is None:
+                floor = values.get("normalizer.floor")  # of a network that standardises its own input
+                module = self.network(name, None if floor is None else float(floor))
+            module.load_state_dict(values)
 
     def state_dict(self) -> dict[str, Any]:
         """Networks and sets."""
-        sets = {"initiation_set": self.initiation_set, "termination_set": self.termination_set}
-        return {**self.network_state(), "sets": {name: states.state_dict() for name, states in sets.items()}}
+        sets = {name: states.state_dict() for name, states in self.sets.items()}
+        return {**self.network_state(), "sets": sets}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
-        """What `state_dict` gave."""
+        """What `state_dict` gave. A set that the skill did not have yet when it was saved is empty."""
         self.load_network_state({name: values for name, values in state.items() if name != "sets"})
-        self.initiation_set.load_state_dict(state["sets"]["initiation_set"])
-        self.termination_set.load_state_dict(state["sets"]["termination_set"])
+        for name, states in self.sets.items():
+            if name in state["sets"]:
+                states.load_state_dict(state["sets"][name])
+            else:
+                states.clear()
 
     def save(self, path: str | Path, **record: Any) -> None:
         """Writes the skill, and beside it plain values that say what it is."""

@@ -15,6 +15,7 @@ from typing import Any
 
 import torch
 from tensordict import TensorDictBase
+from torch import Tensor
 
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.demonstrations.data_set import Demonstrations
@@ -26,12 +27,17 @@ from tstar_rl.updates import (
     BehaviourCloningSettings,
     DiscriminatorSettings,
     DiscriminatorUpdate,
+    LabelledSettings,
+    LabelledUpdate,
     PolicyUpdate,
     PPOSettings,
     behaviour_cloning,
 )
 
-__all__ = ["SkillTraining", "Training", "TrainingSettings"]
+__all__ = ["Distance", "SkillTraining", "Training", "TrainingSettings"]
+
+Distance = Callable[[Tensor, Tensor], Tensor]
+"""From what a network says of states and their labels, of one shape, to a scalar."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +74,7 @@ class Training:
     ) -> None:
         self.skill, self.expert, self.run, self.settings = skill, expert, run, settings
         self.collection, self.seed, self.steps = collection, seed, run.env_steps
-        self.updates: dict[str, DiscriminatorUpdate | PolicyUpdate] = {}
+        self.updates: dict[str, DiscriminatorUpdate | LabelledUpdate | PolicyUpdate] = {}
         self._row: dict[str, Any] | None = None
 
     @property
@@ -81,6 +87,15 @@ class Training:
     ) -> DiscriminatorUpdate:
         """The update of a skill's network `name`, which is to say `labels` of two kinds of states."""
         update = DiscriminatorUpdate(name, skill.network(name), labels, settings, self.seed)
+        self.updates[f"update_{name}"] = update
+        return update
+
+    def labelled_update(
+        self, name: str, skill: Skill, distance: Distance, settings: LabelledSettings
+    ) -> LabelledUpdate:
+        """The update of a skill's network `name`, which is to say the label of every state; see `LabelledLoss`."""
+        network = skill.network(name, settings.floor)
+        update = LabelledUpdate(name, network, distance, settings, self.seed)
         self.updates[f"update_{name}"] = update
         return update
 

@@ -9,7 +9,7 @@ for turn in chain_turns(...):
 
 from collections.abc import Iterator
 from copy import deepcopy
-from typing import Any, NamedTuple
+from typing import Any
 
 import torch
 from tensordict import TensorDictBase
@@ -17,75 +17,20 @@ from tensordict import TensorDictBase
 from tstar_rl.chaining.calibration import area_under_curve
 from tstar_rl.chaining.chain import save_chain
 from tstar_rl.chaining.chain_training import ChainTraining
-from tstar_rl.chaining.skill import Skill
-from tstar_rl.chaining.training import Training
+from tstar_rl.chaining.signals import judge
 from tstar_rl.chaining.trials import Trial, run_trial
+from tstar_rl.chaining.turn_updates import Seam, TurnUpdates
 from tstar_rl.env.layout import NUM_PHASES, PARTS
-from tstar_rl.updates import DiscriminatorSettings, DiscriminatorUpdate, PolicyUpdate
 
 __all__ = ["Seam", "Turn", "chain_turns"]
 
 
-class Seam(NamedTuple):
-    """Two skills, one after the other."""
-
-    before: Skill
-    after: Skill
-
-
-class Turn(Training):
-    """The training of one skill of the chain for some rollouts.
-
-    Attributes:
-        index: of the skill, 0-based.
-        skill: trained in this turn.
-        following: the next skill; None after the last.
-        seam: the skills whose states d_omega is trained on in this turn; None where there is no such seam.
-    """
+class Turn(TurnUpdates):
+    """The training of one skill of the chain for some rollouts; what it learns with is in `TurnUpdates`."""
 
     def __init__(self, chain: ChainTraining, index: int, seed: int) -> None:
-        skills = chain.skills
-        previous = skills[index - 1] if index else None
-        self.kept = chain.kept_by(index)
-        collection = self.kept.get("collection")
-        if collection is None:
-            before = None if previous is None else previous.termination_set
-            collection = self.kept["collection"] = chain.workshop.collection(skills[index], seed, before)
-            chain.restore(index, "collection")
-        super().__init__(skills[index], chain.experts[index], chain.run, chain.training, collection, seed)
-        self.chain, self.index = chain, index
-        self.following = skills[index + 1] if index + 1 < len(skills) else None
-        seam = (self.skill, self.following) if chain.settings.d_omega_of == "next" else (previous, self.skill)
-        self.seam = None if None in seam else Seam(*seam)  # pyright: ignore[reportArgumentType]
+        super().__init__(chain, index, seed)
         self._before: dict[str, Any] = {}
-
-    def discriminator_update(
-        self, name: str, skill: Skill, settings: DiscriminatorSettings, **labels: float
-    ) -> DiscriminatorUpdate:
-        """See `Training`; where a chain carries over, that of the skill's last turn goes on."""
-        known = self.kept.get(f"update_{name}")
-        return known or self._keep(
-            f"update_{name}", super().discriminator_update(name, skill, settings, **labels)
-        )
-
-    def policy_update(self) -> PolicyUpdate:
-        """See `Training`; where a chain carries over, that of the skill's last turn goes on."""
-        return self.kept.get("update_policy") or self._keep("update_policy", super().policy_update())
-
-    def _keep(self, name: str, made: Any) -> Any:
-        self.kept[name] = made
-        self.chain.restore(self.index, name)
-        return made
-
-    def chained(self, rollout: TensorDictBase) -> TensorDictBase:
-        """The rows of a rollout whose terminal states join beta_i, as chain.kept_states says.
-
-        "all" (Algorithm 1): all rows. "chained" (the released code): those of episodes that began where the skill
-        before ended; of the first skill, all.
-        """
-        if self.index == 0 or self.chain.settings.kept_states == "all":
-            return rollout
-        return rollout[rollout["start_chained"].squeeze(-1)]
 
     def rollouts(self) -> Iterator[TensorDictBase]:
         """The turn's rollouts (N, T); after the last one the gate judges what the turn has changed."""
@@ -109,14 +54,24 @@ class Turn(Training):
             self.run.turn, undo=lambda: self._load(self._before), redo=lambda: self._load(trained)
         )
         row = judgement.row(self.index)
-        return row if judgement.after is None else row | self._say_how_the_next_does(judgement.after)
+        if judgement.after is None:
+            return row
+        row |= self._say_how_the_next_does(judgement.after)
+        self.chain.keep_outcomes(judgement.after, self.index if judgement.accepted is False else None)
+        return row
 
     def _say_how_the_next_does(self, trial: Trial) -> dict[str, float]:
-        """How the next skill did with the states it was handed in a trial, and what a trained d_omega says of them."""
+        """How the next skill did with the states it was handed in a trial, and what was said of them before."""
         if self.following is None:
             return {}
         handed = trial.skills[self.index + 1]
         found = {"handed": len(handed.starts), "next_success": handed.success}
+        outcomes = {"success": handed.succeeded, "share": trial.share_from(self.index + 1)}
+        for name, (signal, label) in self.signals.items():
+            columns, curve = judge(name, signal, handed.starts, handed.succeeded, outcomes[label])
+            found |= columns
+            if curve is not None:
+                self.run.log_calibration(self.steps, self.index, name, curve)
         if not self.chain.has_made("update_d_omega"):
             return found
         with torch.no_grad():
@@ -152,7 +107,7 @@ class Turn(Training):
 
 
 def chain_turns(chain: ChainTraining, **record: Any) -> Iterator[Turn]:
-    """Algorithm 1's second loop: turns of the skills in order, `rounds` times; goes on from a checkpoint.
+    """Algorithm 1's second loop: turns of the skills in chain.order, `rounds` times; goes on from a checkpoint.
 
     A checkpoint is written after every turn.
 
@@ -168,9 +123,9 @@ def chain_turns(chain: ChainTraining, **record: Any) -> Iterator[Turn]:
     chain.save = save
     run.start(chain=chain, **{f"skill{index}": skill for index, skill in enumerate(skills)})
     if run.turn == 0 and chain.settings.seed_episodes:
-        chain.seed_sets(run_trial(skills, chain.workshop.seeding_trial()))
+        chain.seed_sets(run_trial(skills, chain.workshop.seeding_trial(), chain.settings.path_steps))
     while run.turn < chain.settings.rounds * len(skills):
-        index, seed = run.turn % len(skills), chain.workshop.turn_seed(run.turn)
+        index, seed = chain.skill_of(run.turn), chain.workshop.turn_seed(run.turn)
         torch.manual_seed(seed)
         yield Turn(chain, index, seed)
         chain.end_turn(index)

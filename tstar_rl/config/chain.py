@@ -35,6 +35,8 @@ def chain_turns(config: DictConfig) -> Iterator[Turn]:
         "kept_states",
         "d_omega_of",
         "carry_over",
+        "order",
+        "path_steps",
         "logged_skill",
         "logged_states",
     )
@@ -50,7 +52,7 @@ def chain_turns(config: DictConfig) -> Iterator[Turn]:
         workshop=workshop,
         gate=Gate(
             GateSettings(values.gate, values.gate_margin, values.trial_every),
-            lambda: run_trial(skills, workshop.trial()),
+            lambda: run_trial(skills, workshop.trial(), values.path_steps),
         ),
     )
     return turns.chain_turns(chain, recipe=config.system)

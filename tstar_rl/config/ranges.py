@@ -30,6 +30,7 @@ LEAST = {
     "chain.trial_max_steps": 1,
     "chain.trial_every": 1,
     "chain.seed_episodes": 0,
+    "chain.path_steps": 0,
     "chain.logged_states": 0,
     "evaluation.episodes": 1,
     "evaluation.whole_episodes": 1,

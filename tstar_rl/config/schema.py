@@ -97,6 +97,8 @@ class ChainSection:
     kept_states: Literal["all", "chained"]
     d_omega_of: Literal["next", "own"]
     carry_over: bool
+    order: Literal["forward", "backward"]
+    path_steps: int
     trial_episodes: int
     trial_max_steps: int
     trial_every: int

@@ -18,7 +18,7 @@ __all__ = ["Arm", "DeclaredExperiment", "parse_experiment", "publish", "with_bon
 
 SKILLS = "gail_ppo"
 UNTRAINED = "no_finetuning"
-TABLES = ("config.yaml", "metrics.csv", "evaluation.csv")
+TABLES = ("config.yaml", "metrics.csv", "evaluation.csv", "calibration.csv")
 BONUS = "bonus_of="
 """Stands in a step's values for a bonus that is known once another arm has been trained."""
 

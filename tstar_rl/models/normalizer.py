@@ -3,7 +3,7 @@
 import torch
 from torch import Tensor, nn
 
-__all__ = ["Normalizer"]
+__all__ = ["Normalizer", "Standardizer"]
 
 
 class Normalizer(nn.Module):
@@ -78,3 +78,46 @@ class Normalizer(nn.Module):
         below = int((self.scale < floor).sum())
         self.scale.clamp_(min=floor)
         return below
+
+    @torch.no_grad()
+    def widen(self, obs: Tensor) -> int:
+        """Raises the deviations to those of obs (..., obs_dim) around the mean that is there; returns how many rose.
+
+        The networks behind see the same as before of every input that varied more than that when it was fitted. Without
+        any observations nothing is changed.
+        """
+        rows = obs.reshape(-1, obs.shape[-1]).to(self.loc)
+        if not len(rows):
+            return 0
+        found = (rows - self.loc).square().mean(0).sqrt()
+        wider = int((found > self.scale).sum())
+        self.scale.copy_(torch.maximum(self.scale, found))
+        return wider
+
+
+class Standardizer(Normalizer):
+    """A normaliser of one network's own, fitted to the states that the network learns from.
+
+    A skill's normaliser has a floor that suits its policy: small differences of two terminal states vanish under it. A
+    network that is to tell such states apart needs a lower one.
+
+    Args:
+        obs_dim: size of an observation.
+        floor: least deviation, in the units of the observation.
+        clip: largest absolute value that comes out.
+
+    Raises:
+        ValueError: if the floor is not positive.
+    """
+
+    floor: Tensor
+
+    def __init__(self, obs_dim: int, floor: float, clip: float = 5.0) -> None:
+        if not floor > 0:
+            raise ValueError(f"a floor must be positive, got {floor}")
+        super().__init__(obs_dim, clip)
+        self.register_buffer("floor", torch.tensor(floor, dtype=torch.float64))
+
+    def standardize(self, obs: Tensor) -> None:
+        """Sets the statistics to those of obs (..., obs_dim); raises what `update` does."""
+        self.fit(obs, float(self.floor))

@@ -1,5 +1,6 @@
 """Losses as TorchRL loss modules."""
 
 from tstar_rl.objectives.discriminator import DiscriminatorLoss
+from tstar_rl.objectives.labelled import LabelledLoss
 
-__all__ = ["DiscriminatorLoss"]
+__all__ = ["DiscriminatorLoss", "LabelledLoss"]

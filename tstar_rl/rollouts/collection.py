@@ -120,6 +120,9 @@ def load_state(collector: Collector, state: dict[str, Any]) -> None:
     collector._carrier = TensorDict.from_dict(state["carried"], batch_size=batch, device=device)
 
 
+PAPER_REWARDS = ("reward_env", "reward_gail", "reward_tsr")
+
+
 def rollout_metrics(rollout: TensorDictBase) -> dict[str, float]:
     """What is logged of a rollout (N, T): its finished episodes, phases and rewards by term."""
     following: TensorDictBase = rollout["next"]
@@ -132,8 +135,10 @@ def rollout_metrics(rollout: TensorDictBase) -> dict[str, float]:
         "episode_length": float(following["step_count"][done].float().mean()) if episodes else float("nan"),
         "phase": float(following["phase"].float().mean()),
     }
-    for name in ("reward_env", "reward_gail", "reward_tsr", "reward"):
-        if name in following.keys():  # pyright: ignore[reportAttributeAccessIssue]
+    names = [str(name) for name in following.keys()]  # pyright: ignore[reportAttributeAccessIssue]
+    further = sorted(name for name in names if name.startswith("reward_") and name not in PAPER_REWARDS)
+    for name in (*PAPER_REWARDS, *further, "reward"):
+        if name in names:
             log[name] = float(following[name].mean())
     if "reward_tsr" in log:
         paid = following["reward_tsr"][following["success"]]

@@ -1,7 +1,7 @@
 """What a run leaves behind: a table of metrics, its config, checkpoints to resume from, and a progress bar.
 
 `results/<task>/<recipe>/seed<k>[/subtask<i>]/` holds what is kept (config.yaml, metrics.csv, evaluation.csv, and of
-a chain terminal_states.csv);
+a chain terminal_states.csv and calibration.csv);
 `runs/` mirrors it with what is large or depends on the machine (checkpoints, skills, timing.csv).
 """
 
@@ -9,7 +9,7 @@ import json
 import math
 import shutil
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from torch import Tensor
@@ -35,7 +35,7 @@ MACHINE_ONLY = (
     "evaluation",
 )
 """Config values that do not change what a run computes."""
-LOGS = ("metrics", "terminal_states", "timing")
+LOGS = ("metrics", "terminal_states", "calibration", "timing")
 FOLLOWED = ("success_rate", "completed")
 """Columns of the metrics whose running means are kept."""
 
@@ -69,6 +69,7 @@ class Run:
         self.components: dict[str, Any] = {}
         self.metrics = MetricsLog(self.results / "metrics.csv")
         self.terminal_states = MetricsLog(self.results / "terminal_states.csv")
+        self.calibration = MetricsLog(self.results / "calibration.csv")
         self.timing = MetricsLog(self.work / "timing.csv")
         self._last_save, self._clock = 0, time.perf_counter()
         label = config["system"] if subtask is None else f"{config['system']} {subtask}"
@@ -129,6 +130,20 @@ class Run:
             numbers = {f"pose_{index}": round(number, 5) for index, number in enumerate(pose)}
             self.terminal_states.append({"env_steps": env_steps, "skill": skill, **numbers})
 
+    def log_calibration(self, env_steps: int, skill: int, signal: str, curve: Iterable[Tensor]) -> None:
+        """Adds one row of calibration.csv for each bin of a reliability curve.
+
+        Args:
+            env_steps: of the run so far.
+            skill: after which the states were handed over.
+            signal: that scored them.
+            curve: mean score, mean outcome and number of states of each bin, (b,) each.
+        """
+        rows = zip(*(each.tolist() for each in curve), strict=True)
+        for score, outcome, states in rows:
+            numbers = {"score": score, "outcome": outcome, "states": states}
+            self.calibration.append({"env_steps": env_steps, "skill": skill, "signal": signal, **numbers})
+
     def _follow(self, row: Mapping[str, Any]) -> None:
         """Running means of training, and whether this row is the best so far; of equals, the newest is."""
         for name in FOLLOWED:
@@ -172,14 +187,15 @@ class Run:
         Raises:
             LogError: if a table has lost rows; none is changed then.
         """
+        rows = {name: int(state.get(name, 0)) for name in LOGS}  # a run of before has no calibration
         for name in LOGS:
-            getattr(self, name).check(int(state[name]))
+            getattr(self, name).check(rows[name])
         self.env_steps, self.seconds = int(state["env_steps"]), float(state["seconds"])
         self._last_save, self.turn = int(state["last_save"]), int(state["turn"])
         self.recent = {name: float(state["recent"][name]) for name in FOLLOWED}
         self.best = float(state["best"])
         for name in LOGS:
-            getattr(self, name).truncate(int(state[name]))
+            getattr(self, name).truncate(rows[name])
 
     def finish(self) -> None:
         """Closes the bar, notes that the run is complete, and gives its folder back."""

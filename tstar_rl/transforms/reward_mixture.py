@@ -76,21 +76,22 @@ class RewardMixture(RewardTransform):
         return f"RewardMixture(reward = {terms})"
 
 
-def weighted(mixture: RewardMixture, terms: Mapping[str, RewardTransform]) -> Compose:
+def weighted(mixture: RewardMixture, terms: Mapping[str, RewardTransform | None]) -> Compose:
     """The transforms of some terms, and the mixture of these terms and the environment's reward.
 
     Args:
         mixture: its weights of terms that are not there (the terminal reward of the last skill) do not count.
-        terms: each writes ("next", "reward_<its name>").
+        terms: each writes ("next", "reward_<its name>"); one that is None is not there.
 
     Raises:
         ValueError: if a term has no weight.
     """
-    for term in terms:
+    there = {term: transform for term, transform in terms.items() if transform is not None}
+    for term in there:
         if term not in mixture.weights:
             raise ValueError(
                 f"reward.weights has no {term}; it has {', '.join(mixture.weights)}: give it a weight there"
             )
-    kept = {term: weight for term, weight in mixture.weights.items() if term == "env" or term in terms}
+    kept = {term: weight for term, weight in mixture.weights.items() if term == "env" or term in there}
     scales = {term: scale for term, scale in mixture.scales.items() if term in kept}
-    return Compose(*terms.values(), RewardMixture(kept, mixture.reward_scale, scales))
+    return Compose(*there.values(), RewardMixture(kept, mixture.reward_scale, scales))

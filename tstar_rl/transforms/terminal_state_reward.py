@@ -61,7 +61,7 @@ class TerminalStateReward(RewardTransform):
         if not 0.0 < momentum <= 1.0:
             raise ValueError(f"momentum must be in (0, 1], got {momentum}")
         super().__init__("reward_tsr")
-        self.d_omega = d_omega
+        self.network = d_omega
         self.score = score
         self.baseline = baseline
         self.momentum = momentum
@@ -76,10 +76,14 @@ class TerminalStateReward(RewardTransform):
         reached = success.squeeze(-1)
         if not reached.any():  # the usual case: the network need not run
             return reward
-        scores = terminal_state_reward(self.d_omega(obs[reached]), success[reached])
+        scores = terminal_state_reward(self.said(obs[reached]), success[reached])
         self._update_mean(scores)
         reward[reached] = scores - self.mean if self.baseline == "running_mean" else scores
         return reward
+
+    def said(self, obs: Tensor) -> Tensor:
+        """What is said of states obs (n, O), (n, 1), before it is clipped to [0, 1]."""
+        return self.network(obs)
 
     def _update_mean(self, scores: Tensor) -> None:
         """Moves the mean towards scores (n, 1) as n successes one after another would; the first sets it."""

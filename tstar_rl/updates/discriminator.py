@@ -1,6 +1,6 @@
 """The update of a discriminator: f_phi, d_omega, or another network that scores states."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,6 +11,7 @@ from torch import Tensor
 from tstar_rl.checks import check_ranges
 from tstar_rl.models.networks import Discriminator
 from tstar_rl.objectives import DiscriminatorLoss
+from tstar_rl.signal_equations import two_sided_loss
 
 
 @dataclass(frozen=True)
@@ -69,29 +70,50 @@ class DiscriminatorUpdate:
         Raises:
             TypeError: if these are not the kinds that there are labels of.
         """
-        if observations.keys() != self.loss.labels.keys():
-            wanted, got = ", ".join(self.loss.labels), ", ".join(observations)
-            raise TypeError(f"the update of {self.name} takes observations of {wanted}; got {got}")
-        sets = {
-            kind: observations[kind].reshape(-1, observations[kind].shape[-1]) for kind in self.loss.labels
-        }
-        if not all(len(rows) for rows in sets.values()):
+        return self.on_sides([observations], weight=1.0)
+
+    def on_sides(self, sides: Sequence[Mapping[str, Tensor]], weight: float = 0.5) -> dict[str, float]:
+        """One network at several seams: each minibatch has states of all sides, whose losses count `weight` each.
+
+        Args:
+            sides: observations (..., O) of each kind, by its label's name. One in which a kind is empty is left out.
+            weight: see `signal_equations.two_sided_loss`.
+
+        Returns:
+            Losses and scores, the mean over minibatches and sides; nothing if no side is left.
+
+        Raises:
+            TypeError: if a side has not the kinds that there are labels of.
+        """
+        sets = [self._flat(side) for side in sides]
+        sets = [side for side in sets if all(len(rows) for rows in side.values())]
+        if not sets:
             return {}
         sums: dict[str, Tensor] = {}
         for _ in range(self.settings.steps):
-            for key, value in self._step(sets).items():
-                sums[key] = sums.get(key, 0.0) + value.detach()
-        return {f"{self.name}_{key}": float(value) / self.settings.steps for key, value in sums.items()}
+            for out in self._step(sets, weight):
+                for key, value in out.items():
+                    sums[key] = sums.get(key, 0.0) + value.detach()
+        number = self.settings.steps * len(sets)
+        return {f"{self.name}_{key}": float(value) / number for key, value in sums.items()}
 
-    def _step(self, sets: Mapping[str, Tensor]) -> dict[str, Tensor]:
-        size = self.settings.minibatch
-        draws = {f"{kind}_observation": rows[self._draw(len(rows))] for kind, rows in sets.items()}
-        out = self.loss(TensorDict(draws, [size]))
-        loss = torch.stack([value for key, value in out.items() if key.startswith("loss_")]).sum()
+    def _flat(self, side: Mapping[str, Tensor]) -> dict[str, Tensor]:
+        if side.keys() != self.loss.labels.keys():
+            wanted, got = ", ".join(self.loss.labels), ", ".join(side)
+            raise TypeError(f"the update of {self.name} takes observations of {wanted}; got {got}")
+        return {kind: side[kind].reshape(-1, side[kind].shape[-1]) for kind in self.loss.labels}
+
+    def _step(self, sides: Sequence[Mapping[str, Tensor]], weight: float) -> list[dict[str, Tensor]]:
+        size, outs, losses = self.settings.minibatch, [], []
+        for sets in sides:
+            draws = {f"{kind}_observation": rows[self._draw(len(rows))] for kind, rows in sets.items()}
+            out = self.loss(TensorDict(draws, [size]))
+            losses.append(torch.stack([value for key, value in out.items() if key.startswith("loss_")]).sum())
+            outs.append(dict(out.items()))
         self.optimizer.zero_grad()
-        loss.backward()
+        two_sided_loss(losses, weight).backward()
         self.optimizer.step()
-        return dict(out.items())
+        return outs
 
     def _draw(self, rows: int) -> Tensor:
         """Indices of the next minibatch, drawn from `rows` rows."""

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import pandas as pd
 from matplotlib.figure import Figure
 
-from tstar_rl.analysis.figures.panels import panels, readable
+from tstar_rl.analysis.figures.panels import message, panels, readable
 
-__all__ = ["hand_over_matrix", "terminal_state_plane"]
+__all__ = ["hand_over_matrix", "reliability_figure", "terminal_state_plane"]
 
 
 def terminal_state_plane(table: pd.DataFrame, shares: Sequence[float]) -> Figure:
@@ -53,4 +53,28 @@ def hand_over_matrix(table: pd.DataFrame) -> Figure:
         axes.set_title(title, fontsize=9)
         axes.set_xticks(range(len(subtasks)), [f"skill {index}" for index in subtasks])
         axes.set_yticks(range(len(systems)), [readable(name) for name in systems])
+    return figure
+
+
+def reliability_figure(table: pd.DataFrame) -> Figure:
+    """What signals said of the states that were handed over, against what then happened: a panel a signal.
+
+    A point is a bin of one turn's scores, its area the number of states; on the diagonal a score is a probability.
+
+    Args:
+        table: rows of `tables.read_calibration`.
+    """
+    if table.empty:
+        return message("no calibration.csv yet: a recipe with a signal writes it")
+    signals = list(dict.fromkeys(table["signal"]))
+    figure, grid = panels(1, len(signals), (3.6 * len(signals), 3.6), sharex=True, sharey=True)
+    for axes, signal in zip(grid[0], signals, strict=True):
+        rows = table[table["signal"] == signal]
+        for skill, own in rows.groupby("skill"):
+            areas = 120 * own["states"] / rows["states"].max()
+            axes.scatter(own["score"], own["outcome"], s=areas, alpha=0.6, label=f"after skill {skill}")
+        axes.plot([0, 1], [0, 1], color="0.5", linewidth=0.8)
+        axes.set(title=readable(signal), xlabel="said", xlim=(-0.03, 1.03), ylim=(-0.03, 1.03))
+    grid[0][0].set_ylabel("happened")
+    grid[0][0].legend(fontsize=7)
     return figure

@@ -1,0 +1,49 @@
+"""Feasibility: pays a skill what a classifier of the next skill's outcomes says of the state that it hands over.
+
+    python recipes/feasibility.py task=table_lack scale=laptop seed=0
+    python recipes/feasibility.py label=share system=feasibility_share seed=0
+
+F learns from every start of the next skill and what came of it, failures too: those in trials of the chain, and those
+in the next skill's own turns. Its label is whether the next skill succeeded, or the share of the rest of the chain that
+was then done. Control: `policy_sequencing.py` with the constant bonus that F paid on average.
+"""
+
+from omegaconf import DictConfig
+
+from tstar_rl.config import chain_turns, recipe, settings
+from tstar_rl.rollouts.labelled_sets import Label
+from tstar_rl.signal_equations import outcome_loss
+from tstar_rl.transforms import FeasibilityReward, GAILReward, RewardMixture, weighted
+from tstar_rl.updates import DiscriminatorSettings, LabelledSettings
+
+
+@recipe("feasibility", label=Label, feasibility=LabelledSettings, from_checkpoint=str)
+def main(config: DictConfig) -> None:
+    """As T-STAR, with F in the place of d_omega."""
+    f_phi, learning = (
+        settings(DiscriminatorSettings, config.f_phi),
+        settings(LabelledSettings, config.feasibility),
+    )
+    for turn in chain_turns(config):
+        skill, following, later = turn.skill, turn.following, None
+        update_policy = turn.policy_update()
+        update_f_phi = turn.discriminator_update("f_phi", skill, f_phi, expert=1.0, agent=-1.0)
+        terms = {"gail": GAILReward(skill.f_phi)}
+        if following:
+            update_f = turn.labelled_update("feasibility", following, outcome_loss, learning)
+            f = FeasibilityReward(following.network("feasibility"), **config.terminal_reward)
+            terms["tsr"], later = turn.signal("feasibility", f, config.label), f.said
+        reward = weighted(settings(RewardMixture, config.reward), terms)
+
+        for rollout in turn.rollouts():
+            skill.termination_set.extend_from(turn.chained(rollout))
+            log = update_f_phi(expert=turn.expert.observations, agent=rollout["observation"])
+            if following:
+                log |= update_f(following.outcomes.observations(), following.outcomes.labels(config.label))
+            skill.outcomes.add(*turn.outcomes(rollout, later))
+            log |= update_policy(reward(rollout), turn.progress)
+            turn.log(rollout, log)
+
+
+if __name__ == "__main__":
+    main()

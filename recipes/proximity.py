@@ -1,0 +1,43 @@
+"""Proximity: pays every step of a skill for coming nearer to a state from which the next skill succeeds.
+
+    python recipes/proximity.py task=table_lack scale=laptop seed=0
+
+P is 1 in the last state of an episode that was handed over well, decay^k in the k-th state before, 0 in all states of
+one that was not. It learns from the trials of the chain: only they show what the next skill made of an episode's end. A
+step is paid P(s') - P(s), the last one of a success P(s') more. Control: `policy_sequencing.py` on the same starts.
+"""
+
+from omegaconf import DictConfig
+
+from tstar_rl.config import chain_turns, recipe, settings
+from tstar_rl.signal_equations import squared_error_loss
+from tstar_rl.transforms import GAILReward, ProximityReward, RewardMixture, weighted
+from tstar_rl.updates import DiscriminatorSettings, LabelledSettings
+
+
+@recipe("proximity", decay=float, proximity=LabelledSettings, from_checkpoint=str)
+def main(config: DictConfig) -> None:
+    """As T-STAR, with a dense reward along the episode in the place of one at its end."""
+    mixture, learning = settings(RewardMixture, config.reward), settings(LabelledSettings, config.proximity)
+    f_phi = settings(DiscriminatorSettings, config.f_phi)
+    for turn in chain_turns(config):
+        following, p = turn.following, None
+        update_policy = turn.policy_update()
+        update_f_phi = turn.discriminator_update("f_phi", turn.skill, f_phi, expert=1.0, agent=-1.0)
+        if following:
+            update_p = turn.labelled_update("proximity", following, squared_error_loss, learning)
+            p = turn.signal("proximity", ProximityReward(following.network("proximity")))
+        reward = weighted(mixture, {"gail": GAILReward(turn.skill.f_phi), "proximity": p})
+
+        for rollout in turn.rollouts():
+            turn.skill.termination_set.extend_from(turn.chained(rollout))
+            log = update_f_phi(expert=turn.expert.observations, agent=rollout["observation"])
+            if following:
+                states = following.approaches
+                log |= update_p(states.observations(), states.proximities(config.decay))
+            log |= update_policy(reward(rollout), turn.progress)
+            turn.log(rollout, log)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,36 @@
+"""A chain of trained skills whose normalisers have seen the chain. Nothing is trained.
+
+    python recipes/refitted.py task=table_lack scale=narrow seed=0
+    python recipes/evaluate.py system=refitted scale=narrow seed=0
+
+An input that varies more in the chain than it did in training is scaled by its deviation in the chain. A control as
+`floored.py` is, without a number to choose. Policies and value networks are left as they are, and so is what they see
+of every other input.
+"""
+
+from omegaconf import DictConfig
+
+from tstar_rl.chaining.chain import save_chain
+from tstar_rl.chaining.trials import run_trial
+from tstar_rl.config import environment, load_skills, plain, recipe
+from tstar_rl.runs.run import Run
+from tstar_rl.seeds import derive_seed
+
+
+@recipe("refitted", from_checkpoint=str)
+def main(config: DictConfig) -> None:
+    """Runs the chain once, widens every skill's normaliser, and saves the chain; logs how many inputs were widened."""
+    run = Run(plain(config))
+    run.start()
+    skills, chain = load_skills(config, checkpoint=config.from_checkpoint), config.chain
+    seed = derive_seed(config.seed, "harvest")
+    env = environment(config, None, chain.trial_episodes, seed, max_steps=chain.trial_max_steps)
+    trial = run_trial(skills, env, chain.path_steps)
+    for index, (skill, found) in enumerate(zip(skills, trial.skills, strict=True)):
+        run.log(trial.steps, skill=index, widened_inputs=skill.normalizer.widen(found.path.states))
+    save_chain(skills, run.work / "last", recipe=config.system, env_steps=trial.steps)
+    run.finish()
+
+
+if __name__ == "__main__":
+    main()

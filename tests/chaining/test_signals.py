@@ -1,0 +1,206 @@
+"""The signals beyond the paper's, wired into the turns of a chain that trains in seconds.
+
+Skill 0 succeeds at any y; skill 1 from y > 0 only, and no skill's own reward minds y.
+"""
+
+import pandas as pd
+import pytest
+import torch
+from tensordict import TensorDict
+
+from tstar_rl.chaining.chain import load_chain
+from tstar_rl.chaining.chain_training import ChainTraining
+from tstar_rl.chaining.signals import StateValue
+from tstar_rl.chaining.training import Training
+from tstar_rl.chaining.turns import Turn
+
+TWO = ("chain.gate=false", "chain.links=2")
+OWN = {
+    "feasibility": ("feasibility.learning_rate=3e-3",),
+    "hand_over_value": ("chain.order=backward", "ppo.critic_learning_rate=1e-2", "ppo.epochs=4"),
+    "proximity": ("chain.path_steps=8", "proximity.learning_rate=3e-3"),
+    "scar_like": (),
+}
+"""What each recipe needs to learn within a few rollouts of three steps an episode."""
+COLUMN = {"scar_like": "d_seams"}
+
+
+def states(x: float, ys: list[float]) -> torch.Tensor:
+    observation = torch.zeros(len(ys), 72)
+    observation[:, 0], observation[:, 1] = x, torch.tensor(ys)
+    return observation
+
+
+def sideways(folder) -> float:
+    """How far skill 0 steps along y, the mean over where it may stand."""
+    skill = load_chain(folder)[0]
+    rows = states(0.5, torch.linspace(-1, 1, 21).tolist())
+    with torch.no_grad():
+        return float(skill.policy.get_dist(TensorDict({"observation": rows}, [21])).mean[:, 1].mean())
+
+
+def last(tmp_path, system: str):
+    return tmp_path / f"runs/table_lack/{system}/seed0/last"
+
+
+@pytest.mark.parametrize("recipe", OWN)
+def test_a_signal_moves_where_the_first_skill_ends(recipe, point_chain, tmp_path):
+    """Paid by the signal, skill 0 steps towards y > 0; what it was before had no part in y."""
+    values = (*TWO, "chain.rounds=2", "chain.steps_per_turn=4096", *OWN[recipe])
+    table = point_chain(recipe, *values)
+    assert sideways(last(tmp_path, recipe)) > 0.1
+    judged = table.dropna(subset=["next_success"])
+    assert (
+        judged[f"{COLUMN.get(recipe, recipe)}_auc"].dropna().iloc[-1] > 0.9
+    )  # there is none where all succeed
+    assert 0 < judged.next_success.iloc[0] < judged.next_success.iloc[-1]
+
+
+@pytest.mark.parametrize("label", ["success", "share"])
+def test_f_says_from_where_the_next_skill_succeeds(label, point_chain, tmp_path):
+    """With a third skill that always succeeds, the share of the rest that is done is 0 or 1 as well."""
+    values = (*TWO[:1], "chain.links=3", f"label={label}", *OWN["feasibility"])
+    point_chain("feasibility", *values, "feasibility.steps=256")
+    f = load_chain(last(tmp_path, "feasibility"))[1].networks["feasibility"]
+    with torch.no_grad():
+        said = f(states(1.2, [0.5, -0.5])).sigmoid().squeeze(-1)
+    assert said[0] > 0.8 and said[1] < 0.2
+
+
+def test_f_learns_the_share_that_the_config_asks_for(point_chain, monkeypatch):
+    """The label of a chain whose third skill never succeeds: 1 or 0 for success, 1/2 or 0 for the share."""
+    asked = {}
+    keep = ChainTraining.keep_outcomes
+
+    def lost(chain, trial, rejected=None):
+        trial.completed.clamp_(max=2)
+        keep(chain, trial, rejected)
+
+    log = Turn.log
+
+    def note(turn, rollout, row):
+        if turn.index == 0:
+            asked[label] = turn.following.outcomes.labels(label).unique().tolist()
+        log(turn, rollout, row)
+
+    monkeypatch.setattr(ChainTraining, "keep_outcomes", lost)
+    monkeypatch.setattr(Turn, "log", note)
+    means = {}
+    for label in ("success", "share"):
+        table = point_chain("feasibility", *TWO[:1], "chain.links=3", f"label={label}", f"system={label}")
+        means[label] = table[table.skill == 0].feasibility_label.iloc[0]
+    assert asked == {"success": [0, 1], "share": [0, 0.5]}
+    assert means["share"] == pytest.approx(means["success"] / 2)
+
+
+def test_starts_of_the_next_skills_turns_join_its_outcomes(point_chain, monkeypatch):
+    """In the turn of skill 1: those that began where skill 0 ends, failed ones too."""
+    seen = []
+    log = Turn.log
+
+    def note(turn, rollout, row):
+        if turn.index == 1:
+            ended = rollout["next", "done"].squeeze(-1) & rollout["start_chained"].squeeze(-1)
+            seen.append((int(ended.sum()), turn.skill.outcomes.added))
+        log(turn, rollout, row)
+
+    monkeypatch.setattr(Turn, "log", note)
+    point_chain("feasibility", *TWO, "chain.trial_every=100")
+    (_, first), (number, second) = seen
+    assert second - first == number > 20
+
+
+def test_a_critics_error_is_learned_in_its_own_turn_and_doubts_it_in_the_next(point_chain, tmp_path):
+    """Forward, skill 0's first turn trusts skill 1's critic: its error is not known yet."""
+    table = point_chain("hand_over_value", *TWO, "chain.rounds=1")
+    assert table.value_error_loss.notna().all() and (table.value_error_states > 0).all()
+    skill = load_chain(last(tmp_path, "hand_over_value"))[1]
+    rows = states(1.2, [0.5, -0.5])
+    with torch.no_grad():
+        assert skill.networks["value_error"](rows).shape == StateValue(skill)(rows).shape == (2, 1)
+
+
+def test_both_sides_train_the_discriminator_of_a_skill(point_chain, monkeypatch):
+    seams = {}
+    rollouts = Turn.rollouts
+
+    def watched(turn):
+        seams[turn.index] = [(seam.before.subtask, seam.after.subtask) for seam in turn.seams]
+        yield from rollouts(turn)
+
+    monkeypatch.setattr(Turn, "rollouts", watched)
+    table = point_chain("scar_like", "chain.gate=false", "chain.links=3", "chain.steps_per_turn=512")
+    assert seams == {0: [(0, 1)], 1: [(0, 1), (1, 2)], 2: [(1, 2)]}
+    assert table.d_seams_loss_discriminator.notna().all()
+    assert table[table.skill == 2].reward_tsr.isna().all()  # nothing comes after the last skill
+
+
+FORWARD = [("forward", "tstar"), ("forward", "feasibility")]
+BACKWARD = [("backward", recipe) for recipe in ("tstar", "policy_sequencing", *OWN)]
+
+
+@pytest.mark.parametrize(("order", "recipe"), [*FORWARD, *BACKWARD])
+def test_the_order_of_turns(order, recipe, point_chain):
+    own = ("chain.path_steps=4",) if recipe == "proximity" else ()
+    short = ("chain.gate=false", "chain.steps_per_turn=512", "chain.trial_every=100", "chain.rounds=2")
+    table = point_chain(recipe, *short, "chain.links=2", f"chain.order={order}", *own)
+    once = [0, 1] if order == "forward" else [1, 0]
+    assert table.skill.tolist() == 2 * once and table["round"].tolist() == [0, 0, 1, 1]
+
+
+def test_what_is_said_of_fresh_states_is_logged_each_turn(point_chain, tmp_path):
+    table = point_chain("feasibility", "chain.gate=true", "chain.links=3", "chain.rounds=2")
+    ends = table.dropna(subset=["trial_progress"])
+    names = [f"feasibility_{name}" for name in ("auc", "sd", "brier", "ece")]
+    first = ends[ends.skill == 0]
+    assert len(first) == 2 and first[names].notna().all().all()
+    assert ends[ends.skill == 2][names].isna().all().all()  # the last skill hands over to none
+    curves = pd.read_csv(tmp_path / "results/table_lack/feasibility/seed0/calibration.csv")
+    counted = curves.groupby(["env_steps", "skill"]).states.sum()
+    assert counted.tolist() == ends[ends.skill < 2].handed.tolist()
+    for (steps, _), bins in curves.groupby(["env_steps", "skill"]):
+        row = ends[ends.env_steps == steps].iloc[0]
+        share = (bins.outcome * bins.states).sum() / bins.states.sum()
+        error = ((bins.score - bins.outcome).abs() * bins.states).sum() / bins.states.sum()
+        assert share == pytest.approx(row.next_success) and error == pytest.approx(row.feasibility_ece)
+
+
+def test_a_rejected_turns_outcomes_are_those_of_the_skills_after(point_chain, monkeypatch):
+    asked = []
+    keep, finish = ChainTraining.keep_outcomes, Training._finish_rollout
+
+    def note(chain, trial, rejected=None):
+        asked.append(rejected)
+        keep(chain, trial, rejected)
+
+    def spoil(training, rollout):
+        """The policy walks backwards: the chain gets nowhere."""
+        training.skill.policy[0][1].module[0][-1].bias.data[0] = -1.0
+        return finish(training, rollout)
+
+    monkeypatch.setattr(ChainTraining, "keep_outcomes", note)
+    monkeypatch.setattr(Training, "_finish_rollout", spoil)
+    table = point_chain("feasibility", "chain.gate=true", "chain.links=2")
+    assert table.accepted.dropna().tolist() == [0, 0] and asked == [None, 0, 1]
+
+
+SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in OWN if name != "feasibility"]
+
+
+@pytest.mark.parametrize("recipe", ["feasibility", *SLOW])
+def test_a_killed_chain_goes_on_to_the_same_figures(recipe, point_chain, monkeypatch):
+    """Sets, networks with inputs of their own scale, and optimisers: all come back from a checkpoint."""
+    own = {"proximity": ("chain.path_steps=4",), "feasibility": ("feasibility.floor=1e-4",)}.get(recipe, ())
+    values = ("chain.gate=true", "chain.rounds=2", "chain.links=2", *own)
+    whole = point_chain(recipe, *values, "system=whole")
+    finish = Training._finish_rollout
+
+    def killed(training, rollout):
+        if training.run.turn == 3:
+            raise KeyboardInterrupt
+        return finish(training, rollout)
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(Training, "_finish_rollout", killed)
+        point_chain(recipe, *values, "system=cut")
+    pd.testing.assert_frame_equal(point_chain(recipe, *values, "system=cut"), whole)

@@ -1,0 +1,125 @@
+"""What a turn learns with: updates that go on from turn to turn, the seams of its skill, and signals."""
+
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any, NamedTuple, TypeVar
+
+from tensordict import TensorDictBase
+from torch import Tensor
+
+from tstar_rl.chaining.chain_training import ChainTraining
+from tstar_rl.chaining.signals import Signal, critic_errors, outcomes_of
+from tstar_rl.chaining.skill import Skill
+from tstar_rl.chaining.training import Distance, Training
+from tstar_rl.rollouts.labelled_sets import Label
+from tstar_rl.updates import (
+    DiscriminatorSettings,
+    DiscriminatorUpdate,
+    LabelledSettings,
+    LabelledUpdate,
+    PolicyUpdate,
+)
+
+__all__ = ["Seam", "TurnUpdates"]
+
+AnySignal = TypeVar("AnySignal", bound=Signal)
+
+
+class Seam(NamedTuple):
+    """Two skills, one after the other."""
+
+    before: Skill
+    after: Skill
+
+    def states(self) -> dict[str, Tensor]:
+        """What a discriminator of the seam tells apart: where the second succeeds from, and where the first ends."""
+        after, before = self.after.initiation_set, self.before.termination_set
+        return {"initiation": after.observations(), "termination": before.observations()}
+
+
+class TurnUpdates(Training):
+    """A turn's skill among its neighbours, and what changes networks in it.
+
+    Attributes:
+        index: of the skill, 0-based.
+        skill: trained in this turn.
+        following: the next skill; None after the last.
+        seam: the skills whose states d_omega is trained on in this turn; None where there is no such seam.
+        seams: that with the skill before and that with the next skill, those that there are.
+        signals: by name, what pays this turn and is judged at its end, and by which label; see `signal`.
+    """
+
+    def __init__(self, chain: ChainTraining, index: int, seed: int) -> None:
+        skills = chain.skills
+        previous = skills[index - 1] if index else None
+        self.kept = chain.kept_by(index)
+        collection = self.kept.get("collection")
+        if collection is None:
+            before = None if previous is None else previous.termination_set
+            collection = self.kept["collection"] = chain.workshop.collection(skills[index], seed, before)
+            chain.restore(index, "collection")
+        super().__init__(skills[index], chain.experts[index], chain.run, chain.training, collection, seed)
+        self.chain, self.index = chain, index
+        self.following = skills[index + 1] if index + 1 < len(skills) else None
+        seam = (self.skill, self.following) if chain.settings.d_omega_of == "next" else (previous, self.skill)
+        self.seam = None if None in seam else Seam(*seam)  # pyright: ignore[reportArgumentType]
+        around = [each for each in (previous, self.skill, self.following) if each is not None]
+        self.seams = [Seam(*both) for both in pairwise(around)]
+        self.signals: dict[str, tuple[Signal, Label]] = {}
+
+    def discriminator_update(
+        self, name: str, skill: Skill, settings: DiscriminatorSettings, **labels: float
+    ) -> DiscriminatorUpdate:
+        """See `Training`; where a chain carries over, that of the skill's last turn goes on."""
+        known = self.kept.get(f"update_{name}")
+        return known or self._keep(
+            f"update_{name}", super().discriminator_update(name, skill, settings, **labels)
+        )
+
+    def labelled_update(
+        self, name: str, skill: Skill, distance: Distance, settings: LabelledSettings
+    ) -> LabelledUpdate:
+        """See `Training`; where a chain carries over, that of the skill's last turn goes on."""
+        known = self.kept.get(f"update_{name}")
+        return known or self._keep(f"update_{name}", super().labelled_update(name, skill, distance, settings))
+
+    def policy_update(self) -> PolicyUpdate:
+        """See `Training`; where a chain carries over, that of the skill's last turn goes on."""
+        return self.kept.get("update_policy") or self._keep("update_policy", super().policy_update())
+
+    def _keep(self, name: str, made: Any) -> Any:
+        self.kept[name] = made
+        self.chain.restore(self.index, name)
+        return made
+
+    def chained(self, rollout: TensorDictBase) -> TensorDictBase:
+        """The rows of a rollout whose terminal states join beta_i, as chain.kept_states says.
+
+        "all" (Algorithm 1): all rows. "chained" (the released code): those of episodes that began where the skill
+        before ended; of the first skill, all.
+        """
+        if self.index == 0 or self.chain.settings.kept_states == "all":
+            return rollout
+        return rollout[rollout["start_chained"].squeeze(-1)]
+
+    def signal(self, name: str, signal: AnySignal, label: Label = "success") -> AnySignal:
+        """Notes that a signal pays this turn, so that it is judged at the end by a label; returns the signal."""
+        self.signals[name] = signal, label
+        return signal
+
+    def outcomes(
+        self, rollout: TensorDictBase, later: Callable[[Tensor], Tensor] | None = None
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        """What came of the skill's starts in a rollout, for `OutcomeSet.add`; which rows, see `chained`.
+
+        Args:
+            rollout: (N, T).
+            later: what is said of the rest of the chain where the skill succeeded; None after the last skill.
+        """
+        return outcomes_of(self.chained(rollout), len(self.chain.skills) - self.index, later)
+
+    def critic_errors(self, rollout: TensorDictBase, scale: float) -> tuple[Tensor, Tensor]:
+        """See `signals.critic_errors`; which rows, see `chained`."""
+        ppo, returns = self.settings.ppo, self.skill.return_scale.var.sqrt().clamp_min(1e-8)
+        unit = float(returns) if ppo.normalize_returns else 1.0
+        return critic_errors(self.chained(rollout), self.skill, ppo.gamma, unit, scale)
