@@ -39,6 +39,7 @@ ROOMS = (
     ("rollouts",),
     ("demonstrations",),
     ("chaining", "spirl"),
+    ("shipped",),
     ("config",),
     ("launch",),
     ("analysis",),

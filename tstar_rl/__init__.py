@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from tstar_rl.env.furniture_env import FurnitureEnv
     from tstar_rl.rollouts.collection import Collection
     from tstar_rl.rollouts.state_sets import InitiationSet, TerminationSet
+    from tstar_rl.shipped.catalogue import load_pretrained, pretrained
+    from tstar_rl.shipped.chain import ShippedChain
     from tstar_rl.transforms.episode_start import EpisodeStart
     from tstar_rl.transforms.gail_reward import GAILReward
     from tstar_rl.transforms.reward_mixture import RewardMixture
@@ -31,10 +33,13 @@ HOMES = {
     "InitiationSet": "rollouts.state_sets",
     "NetworkSettings": "chaining.skill",
     "RewardMixture": "transforms",
+    "ShippedChain": "shipped.chain",
     "Skill": "chaining.skill",
     "SkillChainReset": "transforms",
     "TerminalStateReward": "transforms",
     "TerminationSet": "rollouts.state_sets",
+    "load_pretrained": "shipped.catalogue",
+    "pretrained": "shipped.catalogue",
 }
 """The room of each public name."""
 __all__ = [
@@ -48,11 +53,14 @@ __all__ = [
     "InitiationSet",
     "NetworkSettings",
     "RewardMixture",
+    "ShippedChain",
     "Skill",
     "SkillChainReset",
     "TerminalStateReward",
     "TerminationSet",
     "__version__",
+    "load_pretrained",
+    "pretrained",
 ]
 
 
