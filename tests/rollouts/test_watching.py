@@ -56,7 +56,15 @@ def test_d_omega_of_the_next_skill_speaks_where_a_subtask_was_done():
 
 
 def test_watch_writes_one_page_with_a_failure_and_a_success(call, tmp_path, capsys):
-    call("watch", "env.max_steps=100", "noise=0.8", "simulations=1", "subtask=0", f"runs_dir={tmp_path}")
+    call(
+        "watch",
+        "variants=null",
+        "env.max_steps=100",
+        "noise=0.8",
+        "simulations=1",
+        "subtask=0",
+        f"runs_dir={tmp_path}",
+    )
     said = capsys.readouterr().out.splitlines()
     assert "disturbed: failure after" in said[0] and "scripted assembler: success after" in said[1]
     assert said[2] == str(tmp_path / "watch.html")
