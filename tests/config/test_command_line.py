@@ -57,7 +57,13 @@ MISTAKES = [
     ("gail_ppo", [], "networks.features needs one subtask: set subtask=0.. or networks.features=false"),
     ("evaluate", ["modes=[best]"], "mode must be one of deterministic, stochastic; got 'best'"),
     ("evaluate", ["path=runs/table_lack/tstar/seed1", "seed=0"], "is of seed=1, but seed=0 is asked for"),
+    ("evaluate", ["pretrained=table_lack", "task=table_lack"], "table_lack brings its own task: leave task=... out"),
+    ("evaluate", ["pretrained=table_lack", "scale=paper", "subtask=1"], "brings its own scale, subtask"),
+    ("evaluate", ["pretrained=table_lac"], "trained chains: 'table_lac'; there are .*did you mean table_lack"),
+    ("evaluate", ["pretrained=table_lack/tsta"], "chain of table_lack: 'tsta'; there are .*did you mean tstar"),
+    ("watch", ["variants=[tstar,nothing]"], "unknown trained chain of table_lack: 'nothing'; there are tstar"),
     # something that is not there
+    ("ship", [], "no chain at runs/table_lack/tstar/seed0/last: train it first"),
     ("gail_ppo", ["subtask=0"], "no demonstrations at demonstrations/.*recipes/make_demonstrations.py writes them"),
     ("tstar", [], "no checkpoint at runs/.*train it first .*recipes/gail_ppo.py task=table_lack subtask=0 seed=0"),
     ("evaluate", ["system=tstar"], "no skill and no chain at runs/table_lack/tstar/seed0"),
