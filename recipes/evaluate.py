@@ -19,7 +19,7 @@ from omegaconf import DictConfig
 from torch import nn
 
 from tstar_rl.chaining.chain import ChainPolicy, chain_folders
-from tstar_rl.checks import InvalidValueError
+from tstar_rl.checks import InvalidValueError, MissingFileError
 from tstar_rl.config.build import environment, load_skill
 from tstar_rl.config.load import plain, recipe
 from tstar_rl.config.pretrained import take_pretrained
@@ -28,7 +28,7 @@ from tstar_rl.rollouts.episodes import MODES, check_modes, evaluate, same_policy
 from tstar_rl.rollouts.recorder import Recorder
 from tstar_rl.runs.checkpoint import is_checkpoint
 from tstar_rl.runs.csv_tables import append_rows
-from tstar_rl.runs.run_folder import note_evaluation, read_run_path, run_path
+from tstar_rl.runs.run_folder import made_by, note_evaluation, read_run_path, run_path
 from tstar_rl.seeds import derive_seed
 from tstar_rl.shipped.chain import ShippedChain
 
@@ -118,7 +118,8 @@ def _places(config: DictConfig, given: Iterable[str]) -> tuple[Path, dict[str, l
     found = {name: [_skills(home / name) for home in homes] for name in names}
     complete = {name: [*itertools.chain(*parts)] for name, parts in found.items() if all(parts)}
     if not complete:
-        raise FileNotFoundError(f"no skill and no chain at {homes[0]}/{{{','.join(names)}}}")
+        places = " or ".join(str(homes[0] / name) for name in names)
+        raise MissingFileError(f"no skill and no chain at {places}{made_by(homes[0])}")
     return results, complete
 
 

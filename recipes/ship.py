@@ -21,6 +21,7 @@ from tstar_rl.checks import MissingFileError
 from tstar_rl.config.load import plain, recipe
 from tstar_rl.launch.steps import evaluated_runs, run_folder
 from tstar_rl.runs.checkpoint import CheckpointMismatchError, differences
+from tstar_rl.runs.run_folder import made_by
 from tstar_rl.shipped.chain import save_shipped
 
 FIGURES = ("episodes", "progress", "success", "success_low", "success_high", "episode_length")
@@ -52,7 +53,7 @@ def _folders(config: DictConfig) -> list[Path]:
     homes = [run / config.checkpoint for run in evaluated_runs(config)]
     found = chain_folders(homes[0]) if len(homes) == 1 else homes
     if not found:
-        raise MissingFileError(f"no chain at {homes[0]}: train it first (python recipes/{config.system}.py)")
+        raise MissingFileError(f"no chain at {homes[0]}{made_by(homes[0])}")
     return found
 
 

@@ -33,7 +33,7 @@ class Shown(NamedTuple):
     signals: Mapping[str, Signal] = {}
 
 
-@recipe("watch", path=str, variants=tuple[str, ...] | None, noise=float, simulations=int)
+@recipe("watch", path=str, variants=tuple[str, str] | None, noise=float, simulations=int)
 def main(config: DictConfig) -> None:
     """Runs some episodes of each side, keeps one of each that ended as wanted, and writes the page."""
     seed = derive_seed(config.seed, "evaluate", 3, config.subtask)

@@ -92,6 +92,7 @@ def test_a_table_on_a_full_disk_keeps_its_rows(tiny_disk):
     [
         (errno.ENOSPC, r"^no space left on the disk for a/b.csv\. What was written before stays"),
         (errno.EROFS, r"^a/b.csv cannot be written \(Read-only file system\): results_dir=\.\.\. runs_dir="),
+        (errno.ENOTDIR, r"^a/b.csv cannot be written \(Not a directory\): results_dir=\.\.\. runs_dir="),
         (errno.EACCES, r"^a/b.csv cannot be written \(Permission denied\): results_dir=\.\.\. runs_dir="),
     ],
 )

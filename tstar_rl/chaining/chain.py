@@ -16,6 +16,7 @@ from tstar_rl.chaining.skill import Skill
 from tstar_rl.checks import MissingFileError
 from tstar_rl.runs.checkpoint import is_checkpoint, read_record
 from tstar_rl.runs.checksums import DamagedCheckpointError
+from tstar_rl.runs.run_folder import made_by
 
 __all__ = ["ChainPolicy", "chain_folders", "load_chain", "save_chain"]
 
@@ -105,7 +106,7 @@ def load_chain(path: Path, **expected: Any) -> list[Skill]:
     """
     folders = chain_folders(path)
     if not folders:
-        raise MissingFileError(f"no chain at {path}")
+        raise MissingFileError(f"no chain at {path}{made_by(path)}")
     return [Skill.load(folder, **expected) for folder in folders]
 
 

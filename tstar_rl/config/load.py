@@ -1,5 +1,6 @@
 """From the values in `configs/` to a checked config: where every recipe begins."""
 
+import difflib
 import functools
 import logging
 from collections.abc import Callable, Mapping
@@ -15,7 +16,7 @@ from tstar_rl.config.command_line import command_line
 from tstar_rl.config.ranges import check_machine, check_ranges_of
 from tstar_rl.config.schema import Config
 
-__all__ = ["check_config", "plain", "recipe", "settings"]
+__all__ = ["check_config", "plain", "recipe", "settings", "task_section"]
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 OWN_KEYS: dict[str, dict[str, Any]] = {}
@@ -50,6 +51,22 @@ def recipe(name: str, **own: Any) -> Callable[[Callable[[DictConfig], None]], Ca
 def plain(config: DictConfig) -> dict[str, Any]:
     """The config as nested plain values."""
     return OmegaConf.to_container(config, resolve=True, throw_on_missing=True)  # type: ignore[return-value]
+
+
+def task_section(name: str) -> DictConfig:
+    """The values of configs/task/<name>.yaml.
+
+    Raises:
+        ConfigError: if there is no such file; it lists those that there are.
+    """
+    files = {path.stem: path for path in sorted((CONFIGS / "task").glob("*.yaml"))}
+    if name not in files:
+        near = difflib.get_close_matches(name, files, n=1)
+        hint = f"; did you mean {near[0]}?" if near else ""
+        raise ConfigError(
+            f"a task must be one of {', '.join(files)} (files of configs/task), got {name!r}{hint}"
+        )
+    return OmegaConf.load(files[name])  # pyright: ignore[reportReturnType]
 
 
 def check_config(config: DictConfig, name: str) -> None:

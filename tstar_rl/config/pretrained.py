@@ -4,10 +4,10 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from omegaconf import DictConfig, OmegaConf, open_dict
+from omegaconf import DictConfig, open_dict
 
 from tstar_rl.checks import InvalidValueError
-from tstar_rl.config.load import CONFIGS, plain
+from tstar_rl.config.load import plain, task_section
 from tstar_rl.shipped.catalogue import CHAINS, DEFAULT, load_pretrained
 from tstar_rl.shipped.chain import ShippedChain
 
@@ -40,7 +40,7 @@ def take_pretrained(config: DictConfig, given: Iterable[str]) -> ShippedChain:
     folder = config.pretrained_dir or CHAINS
     chain = load_pretrained(task, variant or DEFAULT, folder=folder)
     with open_dict(config):
-        config.task = OmegaConf.load(CONFIGS / "task" / f"{task}.yaml")
+        config.task = task_section(task)
         config.env = chain_env(chain, config, given)
         config.system, config.subtask = f"pretrained/{variant or DEFAULT}", None
         if "seed" not in names:
