@@ -33,7 +33,7 @@ TINY = [
     "scale=quick", "progress_bar=false", "demonstrations.episodes=8", "demonstrations.num_envs=8", "bc.epochs=20",
     "training.num_envs=8", "training.horizon=16", "training.total_steps=1024", "training.checkpoint_every=256",
     "ppo.minibatch=64", "chain.rounds=1", "chain.steps_per_turn=256", "chain.trial_episodes=8",
-    "chain.whole_trial_episodes=8", "evaluation.episodes=8", "evaluation.whole_episodes=8", "evaluation.recorded=0",
+    "chain.seed_episodes=8", "evaluation.episodes=8", "evaluation.whole_episodes=8", "evaluation.recorded=0",
 ]  # fmt: skip
 TIMED = ["minutes"]
 """Columns of tables that are measured times."""
