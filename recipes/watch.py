@@ -51,11 +51,11 @@ def main(config: DictConfig) -> None:
 
 def both_sides(config: DictConfig, given: Sequence[str]) -> list[Shown]:
     """What is shown, from left to right."""
-    if config.variants is not None and (names := pretrained().get(config.task.name)) is None:
-        print(
-            f"no trained chain of {config.task.name} comes with the package: the scripted assembler is shown"
-        )
-    if config.variants is None or names is None:
+    asked = any(value.split("=")[0] == "variants" for value in given)
+    shipped = set(config.variants or ()) <= set(pretrained().get(config.task.name, ()))
+    if not (shipped or asked):
+        print(f"{config.task.name} has no such trained chains: the scripted assembler is shown")
+    if config.variants is None or not (shipped or asked):
         generator = torch.Generator().manual_seed(config.seed)
         disturbed = "scripted assembler, arm disturbed"
         return [

@@ -89,6 +89,7 @@ MISTAKES = [
     ("evaluate", ["path=runs/table_lack"], "a run lies at <task>/<recipe>/seed<k>"),
     ("watch", ["variants=[tstar]"], "variants must be a list of 2, each text or null, got"),
     ("watch", ["noise=-1"], "noise must be not negative, got -1"),
+    ("watch", ["variants=[a,b]", "task=toy_table"], "unknown task with trained chains: 'toy_table'; there are .*lack"),
     # something that is not there
     ("ship", [], "no chain at runs/table_lack/tstar/seed0/last: train it first"),
     ("gail_ppo", ["subtask=0"], "no demonstrations at demonstrations/.*recipes/make_demonstrations.py writes them"),
