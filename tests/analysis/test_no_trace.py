@@ -93,29 +93,32 @@ def test_a_users_runs_change_no_tracked_file(tmp_path):
         "evaluation.whole_episodes=2",
         "evaluation.episodes=2",
         "evaluation.recorded=1",
-        "+env.max_steps=5",
+        "+env.max_steps=40",
     ]
-    few += ["scale=quick", "demonstrations.episodes=4", "demonstrations.num_envs=8", "bc.epochs=1"]
-    few += [
-        "training.num_envs=8",
-        "training.horizon=16",
-        "training.total_steps=256",
-        "chain.steps_per_turn=128",
+    small = [
+        "scale=quick",
+        "subtask=0",
+        "demonstrations.episodes=2",
+        "demonstrations.num_envs=8",
+        "bc.epochs=1",
     ]
-    few += ["chain.trial_episodes=4", "chain.seed_episodes=4", "ppo.minibatch=64", "progress_bar=false"]
-    for command in (
-        ["assemble", "env.max_steps=150", *[value for value in few if "max_steps" not in value]],
-        ["evaluate", "pretrained=table_lack", *[value for value in few if value.startswith(("ev", "+"))]],
-        ["watch", "simulations=1", "env.max_steps=5"],
-        ["ship", "scale=quick"],
+    small += ["training.num_envs=8", "training.horizon=16", "training.total_steps=256", "ppo.minibatch=64"]
+    for name, *values in (
+        ("make_demonstrations", *small),
+        ("gail_ppo", *small),
+        ("evaluate", "system=gail_ppo", "video=false", *small, *few),
+        ("evaluate", "pretrained=table_lack", *few),
+        ("watch", "simulations=1", "subtask=0"),
     ):
-        called = [sys.executable, f"recipes/{command[0]}.py", *command[1:]]
+        called = [sys.executable, f"recipes/{name}.py", *values]
         done = subprocess.run(called, env=environ, cwd=clone, capture_output=True, text=True, check=False)
-        assert done.returncode == 0, done.stderr
+        assert done.returncode == 0, f"{name}: {done.stderr}"
+    skill = "table_lack/gail_ppo/seed0/subtask0"
     for made in (
-        "results/table_lack/tstar/seed0/evaluation.csv",
+        f"results/{skill}/evaluation.csv",
+        f"runs/{skill}/last",
         "runs/watch.html",
-        "runs/shipped/table_lack",
+        "demonstrations",
     ):
         assert (clone / made).exists(), made
     assert said("git", "-C", str(clone), "status", "--porcelain") == ""

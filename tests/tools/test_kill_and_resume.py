@@ -84,9 +84,11 @@ def test_its_recipes_take_its_values(name):
 
 
 def test_what_is_missing_or_was_never_written_differs(tmp_path):
-    subject = tool.Subject(("any",), (), ("results/*.csv",))
+    subject = tool.Subject(("any",), (), ("results/*.csv", "runs/*/last"))
     whole, folder = tmp_path / "whole", tmp_path / "folder"
-    assert tool.differing(subject, whole, folder) == ["nothing was written"]
+    nothing = ["results/*.csv (nothing was written)", "runs/*/last (nothing was written)"]
+    assert tool.differing(subject, whole, folder) == nothing
+    subject = tool.Subject(("any",), (), ("results/*.csv",))
     for place, text in ((whole, "a,minutes\n1,2\n"), (folder, "a,minutes\n1,3\n")):
         (place / "results").mkdir(parents=True)
         (place / "results" / "table.csv").write_text(text)
