@@ -113,13 +113,8 @@ def test_a_users_runs_change_no_tracked_file(tmp_path):
         called = [sys.executable, f"recipes/{name}.py", *values]
         done = subprocess.run(called, env=environ, cwd=clone, capture_output=True, text=True, check=False)
         assert done.returncode == 0, f"{name}: {done.stderr}"
-    skill = "table_lack/gail_ppo/seed0/subtask0"
-    for made in (
-        f"results/{skill}/evaluation.csv",
-        f"runs/{skill}/last",
-        "runs/watch.html",
-        "demonstrations",
-    ):
+    skill, chain = "table_lack/gail_ppo/seed0/subtask0", "table_lack/pretrained/tstar/seed0"
+    for made in (f"runs/quick/{skill}/last", f"results/{chain}/evaluation.csv", "runs/watch.html"):
         assert (clone / made).exists(), made
     assert said("git", "-C", str(clone), "status", "--porcelain") == ""
 
