@@ -3,44 +3,58 @@
 python recipes/evaluate.py system=tstar seed=0                 # or policy_sequencing, no_finetuning, ...
 python recipes/evaluate.py system=gail_ppo subtask=2 seed=0
 python recipes/evaluate.py path=runs/table_lack/tstar/seed1/last   # system, seed and subtask are the path's
+python recipes/evaluate.py pretrained=table_lack               # a trained chain that comes with the package
 """
 
 import itertools
 import json
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import NamedTuple
 
 import torch
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
+from torch import nn
 
 from tstar_rl.chaining.chain import ChainPolicy, chain_folders
-from tstar_rl.checks import InvalidValueError
+from tstar_rl.checks import InvalidValueError, MissingFileError
 from tstar_rl.config.build import environment, load_skill
 from tstar_rl.config.load import plain, recipe
+from tstar_rl.config.pretrained import take_pretrained
 from tstar_rl.launch.steps import evaluated_runs, run_folder
 from tstar_rl.rollouts.episodes import MODES, check_modes, evaluate, same_policy
 from tstar_rl.rollouts.recorder import Recorder
 from tstar_rl.runs.checkpoint import is_checkpoint
 from tstar_rl.runs.csv_tables import append_rows
-from tstar_rl.runs.run_folder import note_evaluation, read_run_path, run_path
+from tstar_rl.runs.run_folder import made_by, note_evaluation, read_run_path, run_path
 from tstar_rl.seeds import derive_seed
+from tstar_rl.shipped.chain import ShippedChain
+
+SPENT = ("env_steps", "minutes")
 
 
-@recipe("evaluate", path=str | None, checkpoints=tuple[str, ...], modes=tuple[str, ...], video=bool)
+class Candidate(NamedTuple):
+    """What is evaluated: a policy, the subtask that it is of or how many it chains, and what its training took."""
+
+    policy: nn.Module
+    subtask: int | None
+    links: int | None
+    spent: Mapping[str, float]
+
+
+@recipe(
+    "evaluate", path=str | None, checkpoints=tuple[str, ...], modes=tuple[str, ...], video=bool,
+    pretrained=str | None, pretrained_dir=str | None,
+)  # fmt: skip
 def main(config: DictConfig) -> None:
     """Evaluates, prints the table and adds it to evaluation.csv."""
     check_modes(config.modes)
-    results, checkpoints = _places(config, HydraConfig.get().overrides.task)
+    results, candidates = _candidates(config, HydraConfig.get().overrides.task)
     rows, policies, film = [], {}, config.video and config.evaluation.recorded != 0
-    for name, folders in checkpoints.items():
-        skills = [load_skill(folder, task=config.task.name) for folder in folders]
-        chain = len(skills) > 1
-        subtask = None if chain else skills[0].subtask
-        policy = (ChainPolicy(skills) if chain else skills[0].policy).to(config.device)
+    for name, (policy, subtask, links, spent) in candidates.items():
         number = config.evaluation.episodes if subtask is not None else config.evaluation.whole_episodes
-        spent = _spent(config, folders, chain)
         same = next((other for other, known in policies.items() if same_policy(policy, known)), None)
         if same is not None:  # the last is often the best: the same episodes would give the same numbers
             rows += [{**row, "checkpoint": name, **spent} for row in rows if row["checkpoint"] == same]
@@ -51,7 +65,7 @@ def main(config: DictConfig) -> None:
             torch.manual_seed(seed)
             env = environment(config, subtask, number, seed, snapshots=film)
             recorder = Recorder(env.base_env, config.evaluation.recorded if film else 0)
-            row = evaluate(policy, env, mode, recorder, links=len(skills) if chain else None)
+            row = evaluate(policy, env, mode, recorder, links=links)
             rows.append({"checkpoint": name, "mode": mode, **row, **spent, "seed": config.seed})
             recorder.write(results)
             env.close()
@@ -60,6 +74,30 @@ def main(config: DictConfig) -> None:
     note_evaluation(results, plain(config))
     print(table.round(3).to_string(index=False))
     print(results / "evaluation.csv")
+    for policy in policies.values():
+        if isinstance(policy, ShippedChain):
+            print(*(policy.compare(row) for row in rows), sep="\n")
+
+
+def _candidates(config: DictConfig, given: Iterable[str]) -> tuple[Path, dict[str, Candidate]]:
+    """The folder of the table, and what is evaluated, by the name of its checkpoint; the config is completed."""
+    if config.pretrained is not None:
+        chain = take_pretrained(config, given)
+        figures = next(iter(chain.record["figures"].values()))
+        spent = {name: figures.get(name, math.nan) for name in SPENT}
+        one = Candidate(chain.to(config.device), None, len(chain.policies), spent)
+        return run_folder(config, "results_dir"), {chain.record["checkpoint"]: one}
+    results, checkpoints = _places(config, given)
+    return results, {name: _trained(config, folders) for name, folders in checkpoints.items()}
+
+
+def _trained(config: DictConfig, folders: list[Path]) -> Candidate:
+    """One skill, or the chain of the skills in these folders."""
+    skills = [load_skill(folder, task=config.task.name) for folder in folders]
+    chain = len(skills) > 1
+    policy = (ChainPolicy(skills) if chain else skills[0].policy).to(config.device)
+    links = len(skills) if chain else None
+    return Candidate(policy, None if chain else skills[0].subtask, links, _spent(config, folders, chain))
 
 
 def _places(config: DictConfig, given: Iterable[str]) -> tuple[Path, dict[str, list[Path]]]:
@@ -80,7 +118,8 @@ def _places(config: DictConfig, given: Iterable[str]) -> tuple[Path, dict[str, l
     found = {name: [_skills(home / name) for home in homes] for name in names}
     complete = {name: [*itertools.chain(*parts)] for name, parts in found.items() if all(parts)}
     if not complete:
-        raise FileNotFoundError(f"no skill and no chain at {homes[0]}/{{{','.join(names)}}}")
+        places = " or ".join(str(homes[0] / name) for name in names)
+        raise MissingFileError(f"no skill and no chain at {places}{made_by(homes[0])}")
     return results, complete
 
 
@@ -130,9 +169,9 @@ def _spent(config: DictConfig, folders: list[Path], chain: bool) -> dict[str, fl
         runs |= {run_path(config.runs_dir, task, config.skills, seed, i) for i in range(len(folders))}
     files = [run / "finished.json" for run in runs]
     if not all(file.is_file() for file in files):
-        return {"env_steps": math.nan, "minutes": math.nan}
+        return dict.fromkeys(SPENT, math.nan)
     spent = [json.loads(file.read_text()) for file in files]
-    return {name: sum(one[name] for one in spent) for name in ("env_steps", "minutes")}
+    return {name: sum(one[name] for one in spent) for name in SPENT}
 
 
 if __name__ == "__main__":

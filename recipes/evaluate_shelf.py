@@ -13,7 +13,7 @@ import torch
 from omegaconf import DictConfig, OmegaConf
 
 from tstar_rl.config.build import environment
-from tstar_rl.config.load import CONFIGS, recipe
+from tstar_rl.config.load import CONFIGS, recipe, task_section
 from tstar_rl.rollouts.episodes import evaluate
 from tstar_rl.runs.csv_tables import append_rows
 from tstar_rl.seeds import derive_seed
@@ -27,7 +27,7 @@ def main(config: DictConfig) -> None:
     """Evaluates every piece in turn and prints the table as it grows."""
     path = Path(config.results_dir) / "shelf_scripted.csv"
     for task in config.tasks or sorted(file.stem for file in (CONFIGS / "task").glob("*.yaml")):
-        values = OmegaConf.load(CONFIGS / "task" / f"{task}.yaml")
+        values = task_section(task)
         rows = _rows(OmegaConf.merge(config, {"task": values}))  # pyright: ignore[reportArgumentType]
         table = append_rows(path, rows, ("task", "subtask", "seed"))
         print(table[table.task == task].round(3).to_string(index=False), flush=True)

@@ -1,5 +1,8 @@
 """An environment of torch alone with the keys of `FurnitureEnv`, for tests of the learning side."""
 
+import sys
+from pathlib import Path
+
 import pytest
 import torch
 from tensordict import TensorDict
@@ -9,6 +12,24 @@ from torchrl.envs import EnvBase
 pytest_plugins = ["point_chain", "recipe_runs"]
 
 torch.set_num_threads(1)  # the tests' networks are small: more threads wait for each other
+
+
+ROOT = Path(__file__).resolve().parents[1]
+OF_THE_USER = tuple(f"{ROOT / name}/" for name in ("results", "runs", "demonstrations", "outputs"))
+PUBLISHED = f"{ROOT / 'results' / 'published'}/"
+
+
+def refuse_files_of_the_user(event: str, arguments: tuple) -> None:
+    """Stops a test that reads or writes what a user's runs in this checkout leave, while they run or afterwards."""
+    if event not in ("open", "os.scandir", "os.listdir", "os.mkdir", "os.remove", "os.rename"):
+        return
+    if isinstance(arguments[0], (str, Path)):
+        path = f"{Path.cwd() / arguments[0]}/"
+        if path.startswith(OF_THE_USER) and not path.startswith(PUBLISHED) and path not in OF_THE_USER:
+            raise PermissionError(f"{path[:-1]} belongs to whoever runs recipes here: a test takes tmp_path")
+
+
+sys.addaudithook(refuse_files_of_the_user)
 
 
 def pytest_collection_modifyitems(items) -> None:

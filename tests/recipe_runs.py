@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -37,9 +38,13 @@ def environ() -> dict[str, str]:
 
 
 def run(recipe: str, *values: str, small: bool = True) -> subprocess.CompletedProcess[str]:
-    """Runs a recipe as a process, with `SMALL` before its values."""
+    """Runs a recipe as a process, with `SMALL` before its values, from a folder that it must leave empty."""
     called = command(recipe, *(SMALL if small else ()), *values)
-    return subprocess.run(called, env=environ(), capture_output=True, text=True, check=False)
+    with tempfile.TemporaryDirectory() as empty:
+        done = subprocess.run(called, env=environ(), cwd=empty, capture_output=True, text=True, check=False)
+        left = sorted(path.name for path in Path(empty).iterdir() if path.name != "MUJOCO_LOG.TXT")
+    assert not left, f"{recipe} wrote outside the folders that it was given: {left}"
+    return done
 
 
 def kill_after(rows: int, file: Path, recipe: str, *values: str) -> int:

@@ -40,6 +40,7 @@ ROOMS = (
     ("rollouts",),
     ("demonstrations",),
     ("chaining", "spirl"),
+    ("shipped",),
     ("config",),
     ("launch",),
     ("analysis",),

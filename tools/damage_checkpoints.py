@@ -13,8 +13,9 @@ import shutil
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import torch
 
@@ -81,10 +82,10 @@ def damaged_copies(
         yield kind, (Path(name).parent / "state.pt").as_posix() if kind == "added" else name, copy
 
 
-def outcome(copy: Path, name: str) -> str:
+def outcome(copy: Path, name: str, load: Callable[[Path], Any] = Skill.load) -> str:
     """What loading a copy, of which the file `name` is damaged, came to."""
     try:
-        Skill.load(copy)
+        load(copy)
     except DamagedCheckpointError as error:
         return REFUSED if name in str(error) else UNNAMED
     except Exception:

@@ -2,10 +2,11 @@
 
     .venv/bin/python tools/docs_figures.py [table_lack]
 
-The first is a screenshot of the player (needs Chromium), the second a whole assembly by the scripted assembler (needs
-OSMesa or EGL).
+The first is a screenshot of the page that `make watch` writes (needs Chromium), the second a whole assembly by the
+scripted assembler (needs OSMesa or EGL).
 """
 
+import os
 import subprocess
 import sys
 import tempfile
@@ -43,10 +44,8 @@ def main() -> None:
     task = sys.argv[1] if len(sys.argv) > 1 else "table_lack"
     env = FurnitureEnv(task, 4, nthread=1, seed=0, snapshots=True, velocity_scale=0.4, max_steps=120)
     whole = record_episode(with_starts(env), env.expert(), "scripted assembler", success=True)
-    noise = env.expert(0.25, torch.Generator().manual_seed(0))
-    failing = record_episode(with_starts(env), noise, "scripted assembler, arm disturbed", success=False)
     film(env, whole, FIGURES / "assembly.gif")
-    screenshot(env, [failing, whole], FIGURES / "player.png")
+    screenshot(task, FIGURES / "player.png")
 
 
 def film(env: FurnitureEnv, episode: dict[str, Any], path: Path) -> None:
@@ -74,19 +73,22 @@ def film(env: FurnitureEnv, episode: dict[str, Any], path: Path) -> None:
     print(f"{path.relative_to(ROOT)}: {len(frames)} frames, {path.stat().st_size:,} bytes")
 
 
-def screenshot(env: FurnitureEnv, episodes: list[dict[str, Any]], path: Path) -> None:
-    """Writes what the player shows near the end of the second episode."""
+def screenshot(task: str, path: Path) -> None:
+    """Writes what `make watch` shows near the end of the episode on the right."""
     if find_chromium() is None:
         raise SystemExit(MISSING)
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-        page = env.write_player(Path(folder) / "episodes.html", episodes)
+        page = Path(folder) / "watch.html"
+        command = [sys.executable, str(ROOT / "recipes" / "watch.py"), f"task={task}", f"path={page}"]
+        environ = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "envs")])}
+        subprocess.run(command, check=True, env=environ)
         browser = Browser(Path(folder) / "profile", 1000, 660)
         browser.open(page)
-        browser.evaluate(f"player.seek({len(episodes[1]['reward']) - 20})")
+        browser.evaluate("player.seek(player.state().panes[1].steps - 20)")
         browser.screenshot(Path(folder) / "page.png")
         browser.close()
         Image.open(Path(folder) / "page.png").convert("RGB").save(path, optimize=True)
-    print(f"{path.relative_to(ROOT)}: {path.stat().st_size:,} bytes; the page {len(episodes)} episodes")
+    print(f"{path.relative_to(ROOT)}: {path.stat().st_size:,} bytes")
 
 
 if __name__ == "__main__":

@@ -33,7 +33,7 @@ TINY = [
     "scale=quick", "progress_bar=false", "demonstrations.episodes=8", "demonstrations.num_envs=8", "bc.epochs=20",
     "training.num_envs=8", "training.horizon=16", "training.total_steps=1024", "training.checkpoint_every=256",
     "ppo.minibatch=64", "chain.rounds=1", "chain.steps_per_turn=256", "chain.trial_episodes=8",
-    "chain.whole_trial_episodes=8", "evaluation.episodes=8", "evaluation.whole_episodes=8", "evaluation.recorded=0",
+    "chain.seed_episodes=8", "evaluation.episodes=8", "evaluation.whole_episodes=8", "evaluation.recorded=0",
 ]  # fmt: skip
 TIMED = ["minutes"]
 """Columns of tables that are measured times."""
@@ -71,12 +71,13 @@ SUBJECTS = {
     ),
     "evaluation": Subject(("evaluate", "system=tstar"), ("runs",), ("results/*/tstar/seed0/evaluation.csv",)),
     "demonstrations": Subject(
-        ("make_demonstrations", "subtask=0", "kinds=[noisy]"), (), ("demonstrations/*/subtask0_noisy.npz",)
+        ("make_demonstrations", "subtask=0", "kinds=[noisy]"), (), ("demonstrations/*/*/subtask0_noisy.npz",)
     ),
     "assemble": Subject(
         ("assemble", "processes=1"),
         (),
-        ("results/**/*.csv", "demonstrations/*/*.npz", "runs/**/last", "runs/**/best", "runs/**/skill*"),
+        # Below the task: results/assemble.csv has the minutes of a pipeline that nobody interrupted.
+        ("results/*/**/*.csv", "demonstrations/*/*/*.npz", "runs/**/last", "runs/**/best", "runs/**/skill*"),
     ),
 }
 
@@ -103,15 +104,16 @@ def prepare(subject: Subject, whole: Path, folder: Path) -> None:
 
 
 def differing(subject: Subject, whole: Path, folder: Path) -> list[str]:
-    """The paths below `folder` that are missing or differ from those below `whole`."""
-    wanted = {
-        path.relative_to(place)
-        for place in (whole, folder)
+    """The paths below `folder` that are missing or differ from those below `whole`, and patterns that find none."""
+    found = {
+        pattern: {path.relative_to(place) for place in (whole, folder) for path in place.glob(pattern)}
         for pattern in subject.leaves
-        for path in place.glob(pattern)
     }
-    wrong = [str(path) for path in sorted(wanted) if not _same(whole / path, folder / path)]
-    return wrong if wanted else ["nothing was written"]
+    nothing = [f"{pattern} (nothing was written)" for pattern, paths in found.items() if not paths]
+    wrong = {
+        str(path) for paths in found.values() for path in paths if not _same(whole / path, folder / path)
+    }
+    return nothing + sorted(wrong)
 
 
 def _same(first: Path, second: Path) -> bool:

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from tstar_rl.rollouts.state_sets import InitiationSet, TerminationSet
     from tstar_rl.runs.run import Run
     from tstar_rl.seeds import derive_seed
+    from tstar_rl.shipped.catalogue import load_pretrained, pretrained
+    from tstar_rl.shipped.chain import ShippedChain
     from tstar_rl.transforms.episode_start import EpisodeStart
     from tstar_rl.transforms.gail_reward import GAILReward
     from tstar_rl.transforms.hand_over_rewards import FeasibilityReward, HandOverValueReward
@@ -50,6 +52,7 @@ HOMES = {
     "ProximityReward": "transforms",
     "RewardMixture": "transforms",
     "Run": "runs.run",
+    "ShippedChain": "shipped.chain",
     "Skill": "chaining.skill",
     "SkillChainReset": "transforms",
     "TerminalStateReward": "transforms",
@@ -66,6 +69,8 @@ HOMES = {
     "settings": "config.load",
     "skill_training": "config.build",
     "weighted": "transforms",
+    "load_pretrained": "shipped.catalogue",
+    "pretrained": "shipped.catalogue",
 }
 """The room of each public name."""
 __all__ = [
@@ -85,6 +90,7 @@ __all__ = [
     "ProximityReward",
     "RewardMixture",
     "Run",
+    "ShippedChain",
     "Skill",
     "SkillChainReset",
     "TerminalStateReward",
@@ -102,6 +108,8 @@ __all__ = [
     "settings",
     "skill_training",
     "weighted",
+    "load_pretrained",
+    "pretrained",
 ]
 
 __getattr__ = deferred(__name__, HOMES)

@@ -10,13 +10,16 @@ neither works, one sentence says so once, and everything that would have been dr
 
 from __future__ import annotations
 
+import errno
 import functools
 import importlib
 import os
+import shutil
 import subprocess
 import sys
 import warnings
 from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 
 import mujoco
@@ -24,6 +27,8 @@ import numpy as np
 
 BACKENDS = ("egl", "osmesa")
 CAMERA = "workplace"
+A_FILM = 2_000_000
+"""Bytes; a film has half of it at most."""
 NOTICE = (
     "Nothing is drawn: neither EGL nor OSMesa works here (on Debian: apt-get install libosmesa6); "
     "everything else goes on without pictures."
@@ -121,10 +126,21 @@ def write_png(path: str | Path, image: np.ndarray) -> None:
 
 
 def write_mp4(path: str | Path, frames: Iterable[np.ndarray], frames_per_second: float = 20.0) -> None:
-    """Writes images (height, width, 3) uint8 as H.264; at 20 a second, 10 Hz control is shown at twice its speed."""
+    """Writes images (height, width, 3) uint8 as H.264; at 20 a second, 10 Hz control is shown at twice its speed.
+
+    Raises:
+        OSError: if the film cannot be written, as on a full disk; none is left then.
+    """
     import imageio.v2 as imageio
 
-    Path(path).parent.mkdir(parents=True, exist_ok=True)
-    with imageio.get_writer(path, format="FFMPEG", fps=frames_per_second, macro_block_size=8) as film:
-        for frame in frames:
-            film.append_data(frame)  # pyright: ignore[reportAttributeAccessIssue]
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with suppress(OSError):  # of the pipe to ffmpeg: why it broke, ffmpeg alone knows
+        with imageio.get_writer(path, format="FFMPEG", fps=frames_per_second, macro_block_size=8) as film:
+            for frame in frames:
+                film.append_data(frame)  # pyright: ignore[reportAttributeAccessIssue]
+        if b"moov" in path.read_bytes():  # the table of frames, which ffmpeg writes last
+            return
+    path.unlink(missing_ok=True)
+    code = errno.ENOSPC if shutil.disk_usage(path.parent).free < A_FILM else errno.EIO
+    raise OSError(code, os.strerror(code), str(path))

@@ -55,6 +55,70 @@ def test_what_is_published_is_not_ignored():
     assert not ignored(published)
 
 
+@pytest.mark.parametrize(
+    "name", ["results/mine.csv", "runs/table_lack/tstar", "demonstrations/a.npz", "outputs/x"]
+)
+def test_a_test_cannot_touch_what_a_user_has_made_here(name, monkeypatch):
+    for path in (ROOT / name, str(ROOT / name)):
+        with pytest.raises(PermissionError, match="belongs to whoever runs recipes here"):
+            os.open(path, os.O_RDONLY)
+    monkeypatch.chdir(ROOT)
+    with pytest.raises(PermissionError, match="belongs to whoever runs recipes here"):
+        (Path(name) / "folder").mkdir(parents=True)
+    assert (ROOT / "results/published/contents.yaml").read_text()
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1200)
+def test_a_users_runs_change_no_tracked_file(tmp_path):
+    """The tracked files in a repository of their own, and what a newcomer does there, all folders as they come."""
+    git = ["git", "-c", "user.name=a", "-c", "user.email=a@b", "-c", "commit.gpgsign=false", "-C"]
+
+    def said(*command: str) -> str:
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout
+
+    tracked = said(
+        "git", "-C", str(ROOT), "ls-files", "--cached", "--others", "--exclude-standard"
+    ).splitlines()
+    clone = tmp_path / "clone"
+    for name in tracked:
+        if (ROOT / name).is_file():
+            (clone / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(ROOT / name, clone / name)
+    said(*git, str(clone), "init", "-q")
+    said(*git, str(clone), "add", ".")
+    said(*git, str(clone), "commit", "-qm", "all")
+    environ = {**os.environ, "PYTHONPATH": os.pathsep.join([str(clone), str(clone / "envs")])}
+    few = [
+        "evaluation.whole_episodes=2",
+        "evaluation.episodes=2",
+        "evaluation.recorded=1",
+        "+env.max_steps=40",
+    ]
+    small = [
+        "scale=quick",
+        "subtask=0",
+        "demonstrations.episodes=2",
+        "demonstrations.num_envs=8",
+        "bc.epochs=1",
+    ]
+    small += ["training.num_envs=8", "training.horizon=16", "training.total_steps=256", "ppo.minibatch=64"]
+    for name, *values in (
+        ("make_demonstrations", *small),
+        ("gail_ppo", *small),
+        ("evaluate", "system=gail_ppo", "video=false", *small, *few),
+        ("evaluate", "pretrained=table_lack", *few),
+        ("watch", "simulations=1", "subtask=0"),
+    ):
+        called = [sys.executable, f"recipes/{name}.py", *values]
+        done = subprocess.run(called, env=environ, cwd=clone, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, f"{name}: {done.stderr}"
+    skill, chain = "table_lack/gail_ppo/seed0/subtask0", "table_lack/pretrained/tstar/seed0"
+    for made in (f"runs/quick/{skill}/last", f"results/{chain}/evaluation.csv", "runs/watch.html"):
+        assert (clone / made).exists(), made
+    assert said("git", "-C", str(clone), "status", "--porcelain") == ""
+
+
 @pytest.mark.slow
 def test_the_report_reads_published_tables_and_changes_none(tmp_path):
     root, folder = tmp_path / "published", ROOT / "results" / "published"

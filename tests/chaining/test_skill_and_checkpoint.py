@@ -1,14 +1,16 @@
 """Skills and checkpoints come back as they were, or say why not."""
 
+import shutil
+
 import pytest
 import torch
 from tensordict import TensorDict
 from torchrl.envs import ExplorationType, set_exploration_type
 
-from tstar_rl.chaining.chain import ChainPolicy
+from tstar_rl.chaining.chain import ChainPolicy, chain_folders, load_chain, save_chain
 from tstar_rl.chaining.skill import NetworkSettings, Skill
 from tstar_rl.runs import checkpoint
-from tstar_rl.runs.checkpoint import CheckpointMismatchError
+from tstar_rl.runs.checkpoint import CheckpointMismatchError, DamagedCheckpointError
 
 SMALL = NetworkSettings(hidden=(16,), std="fixed", discriminator_hidden=(16,))
 
@@ -68,6 +70,57 @@ def test_a_chain_acts_with_the_skill_of_each_row():
         for row, index in enumerate((0, 1, 1, 0, 1)):
             alone = skills[index].policy(TensorDict({"observation": obs[row : row + 1]}, [1]))["action"][0]
             torch.testing.assert_close(action[row], alone)
+
+
+@pytest.fixture
+def chain(tmp_path):
+    """The folder of a saved chain of three skills."""
+    save_chain([Skill("table_lack", index, SMALL) for index in range(3)], tmp_path / "last", recipe="tstar")
+    return tmp_path / "last"
+
+
+@pytest.mark.parametrize("lost", range(3))
+def test_a_chain_that_has_lost_a_skill_is_refused_by_its_name(chain, lost):
+    assert [skill.subtask for skill in load_chain(chain)] == [0, 1, 2]
+    shutil.rmtree(chain / f"skill{lost}")
+    for read in (chain_folders, load_chain):
+        with pytest.raises(
+            DamagedCheckpointError, match=rf"last is damaged: skill{lost} is missing\. Put it back"
+        ):
+            read(chain)
+
+
+def test_a_skill_of_another_chain_or_place_is_refused_by_its_name(chain, tmp_path):
+    other = Skill("table_lack", 2, SMALL)
+    other.save(chain / "skill2", recipe="tstar")  # says nothing of a chain
+    with pytest.raises(DamagedCheckpointError, match="skill2 is not of the chain of the others"):
+        chain_folders(chain)
+    save_chain([Skill("table_lack", index, SMALL) for index in range(3)], tmp_path / "best")
+    shutil.rmtree(chain / "skill2")
+    shutil.copytree(tmp_path / "best/skill2", chain / "skill2")
+    with pytest.raises(DamagedCheckpointError, match="skill2 is not of the chain of the others"):
+        chain_folders(chain)
+    shutil.rmtree(chain / "skill2")
+    shutil.copytree(chain / "skill1", chain / "skill2")
+    with pytest.raises(DamagedCheckpointError, match="skill2 is the skill of subtask 1"):
+        chain_folders(chain)
+
+
+def test_a_shorter_chain_takes_the_place_of_a_longer_one(chain):
+    save_chain([Skill("table_lack", index, SMALL) for index in range(2)], chain)
+    assert [folder.name for folder in chain_folders(chain)] == ["skill0", "skill1"]
+
+
+def test_skills_that_say_nothing_of_a_chain_are_taken_as_they_stand(tmp_path):
+    assert chain_folders(tmp_path) == []
+    for index in range(11):
+        Skill("table_lack", index, SMALL).save(tmp_path / f"skill{index}")
+    (tmp_path / "skill11").mkdir()
+    (tmp_path / "skills").mkdir()
+    assert [folder.name for folder in chain_folders(tmp_path)] == [f"skill{index}" for index in range(11)]
+    shutil.rmtree(tmp_path / "skill4")
+    with pytest.raises(DamagedCheckpointError, match="skill4 is missing"):
+        chain_folders(tmp_path)
 
 
 def test_a_chain_needs_its_skills_in_order():

@@ -13,6 +13,7 @@ from recipe_runs import load_recipe
 from tstar_rl.chaining.chain import save_chain
 from tstar_rl.chaining.skill import NetworkSettings, Skill
 from tstar_rl.config.load import CONFIGS
+from tstar_rl.shipped.catalogue import load_pretrained
 
 CHAIN = ["last/skill0", "last/skill1"]
 
@@ -119,7 +120,10 @@ def test_one_skill_of_a_chain_and_a_folder_of_no_run(recipe, made):
             "of task=table_lack, but task=chair_ingolf",
         ),
         (["path=runs/table_lack"], "a run lies at <task>/<recipe>/seed<k>"),
-        (["path=runs/table_lack/tstar/seed7"], "no skill and no chain at runs/table_lack/tstar/seed7/"),
+        (
+            ["path=runs/table_lack/tstar/seed7"],
+            "no skill and no chain at runs/table_lack/tstar/seed7/last or .* seed=7",
+        ),
     ],
 )
 def test_another_run_than_asked_for_is_refused(recipe, made, given, message):
@@ -143,3 +147,28 @@ def test_rows_films_and_config_lie_beside_each_other(recipe, call, tmp_path):
     films = {path.name for path in folder.glob("*.mp4")}
     assert films <= {"first_failure.mp4"}  # where this machine can draw
     assert "first failure" in (folder / "episodes.html").read_text() and len(list(folder.glob("*.html"))) == 1
+
+
+def test_a_shipped_chain_brings_its_task_seed_settings_and_episodes(recipe, call, tmp_path, capsys):
+    record = load_pretrained("table_lack").record
+    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
+        config = compose("recipe/evaluate", ["pretrained=table_lack", "task=chair_ingolf", "scale=narrow"])
+    results, found = recipe._candidates(config, ["pretrained=table_lack"])
+    assert results == Path("results/table_lack/pretrained/tstar") / f"seed{record['seed']}"
+    assert (config.task.name, config.task.subtasks) == ("table_lack", 4) and config.env == record["env"]
+    assert config.evaluation.whole_episodes == record["figures"]["deterministic"]["episodes"]
+    assert (
+        list(found) == [record["checkpoint"]] and found["last"].links == 4 and found["last"].subtask is None
+    )
+    values = [
+        "modes=[deterministic]",
+        "evaluation.whole_episodes=2",
+        "video=false",
+        "seed=5",
+        "+env.max_steps=3",
+    ]
+    call("evaluate", "pretrained=table_lack/tstar", *values, f"results_dir={tmp_path}", module=recipe)
+    table = pd.read_csv(tmp_path / "table_lack/pretrained/tstar/seed5/evaluation.csv")
+    assert table[["checkpoint", "episodes", "episode_length"]].values.tolist() == [["last", 2, 12.0]]
+    assert table.env_steps[0] == record["figures"]["deterministic"]["env_steps"]
+    assert "other episodes than those of the figures recorded" in capsys.readouterr().out

@@ -4,11 +4,13 @@ import errno
 import os
 import subprocess
 
+import numpy as np
 import pandas as pd
 import pytest
 import torch
 from saved_run import a_run, a_run_that_saved, contents
 
+from tstar_envs.rendering import write_mp4
 from tstar_rl.config.command_line import told_in_words
 from tstar_rl.runs import checkpoint, files
 from tstar_rl.runs.csv_tables import MetricsLog, append_rows
@@ -77,6 +79,28 @@ def test_a_checkpoint_that_does_not_fit_leaves_the_one_before(tiny_disk):
     assert a_run(tiny_disk).start(module=module) == 10 and module.weight.item() == 1.0
 
 
+def test_many_tensors_that_do_not_fit_leave_the_checkpoint_before(tiny_disk):
+    layers = torch.nn.Sequential(
+        *(torch.nn.Linear(20, 20) for _ in range(300))
+    )  # 500 kB, which torch maps one by one
+    checkpoint.save(tiny_disk / "last", {"module": layers[:1]}, {})
+    before = contents(tiny_disk)
+    with pytest.raises(SystemExit, match=r"no space left on the disk for \S+/last"), told_in_words():
+        checkpoint.save(tiny_disk / "last", {"module": layers}, {})
+    assert contents(tiny_disk) == before
+
+
+def test_a_film_that_does_not_fit_is_told_in_words(tiny_disk):
+    (tiny_disk / "filler").write_bytes(b"0" * 190_000)
+    noise = np.random.default_rng(0).integers(0, 255, (30, 240, 320, 3), dtype=np.uint8)
+    with pytest.raises(SystemExit, match=r"no space left on the disk for \S+/film.mp4"), told_in_words():
+        write_mp4(tiny_disk / "film.mp4", noise)
+    assert not (tiny_disk / "film.mp4").exists()
+    (tiny_disk / "filler").unlink()
+    write_mp4(tiny_disk / "film.mp4", noise[:1])
+    assert (tiny_disk / "film.mp4").stat().st_size > 1000
+
+
 def test_a_table_on_a_full_disk_keeps_its_rows(tiny_disk):
     table = tiny_disk / "evaluation.csv"
     append_rows(table, [{"n": 0, "text": "kept"}], ("n",))
@@ -92,6 +116,7 @@ def test_a_table_on_a_full_disk_keeps_its_rows(tiny_disk):
     [
         (errno.ENOSPC, r"^no space left on the disk for a/b.csv\. What was written before stays"),
         (errno.EROFS, r"^a/b.csv cannot be written \(Read-only file system\): results_dir=\.\.\. runs_dir="),
+        (errno.ENOTDIR, r"^a/b.csv cannot be written \(Not a directory\): results_dir=\.\.\. runs_dir="),
         (errno.EACCES, r"^a/b.csv cannot be written \(Permission denied\): results_dir=\.\.\. runs_dir="),
     ],
 )

@@ -1,5 +1,8 @@
 """Skills one after another: the policy that runs them, and the folder that they are kept in."""
 
+import re
+import shutil
+import uuid
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -10,6 +13,10 @@ from tensordict.nn import TensorDictModuleBase
 from torch import nn
 
 from tstar_rl.chaining.skill import Skill
+from tstar_rl.checks import MissingFileError
+from tstar_rl.runs.checkpoint import is_checkpoint, read_record
+from tstar_rl.runs.checksums import DamagedCheckpointError
+from tstar_rl.runs.run_folder import made_by
 
 __all__ = ["ChainPolicy", "chain_folders", "load_chain", "save_chain"]
 
@@ -52,23 +59,59 @@ class ChainPolicy(TensorDictModuleBase):
 
 
 def save_chain(skills: Sequence[Skill], path: Path, **record: Any) -> None:
-    """Writes every skill of a chain to <path>/skill<i>, each with the record."""
+    """Writes every skill of a chain to <path>/skill<i>, each with the record.
+
+    Each also records which chain it is of and how many skills that has, so that none can be lost unnoticed.
+    """
+    whole = {"id": uuid.uuid4().hex, "skills": len(skills)}
     for index, skill in enumerate(skills):
-        skill.save(path / f"skill{index}", **record)
+        skill.save(path / f"skill{index}", **record, chain=whole)
+    for index, folder in _skills_at(path).items():
+        if index >= len(skills):  # of a longer chain that was here before
+            shutil.rmtree(folder)
 
 
 def chain_folders(path: Path) -> list[Path]:
-    """The folders of the skills of the chain at `path`, in order; none if there is no chain."""
-    return sorted(path.glob("skill*"), key=lambda folder: int(folder.name.removeprefix("skill")))
+    """The folders of the skills of the chain at `path`, in order; none if there is no chain.
+
+    Skills that say nothing of a chain (saved one by one, or by older versions) are taken as they stand.
+
+    Raises:
+        DamagedCheckpointError: if a skill is missing, or is of another chain than the first one; it is named.
+    """
+    records = {index: read_record(folder) for index, folder in _skills_at(path).items()}
+    if not records:
+        return []
+    whole = next((record["chain"] for record in records.values() if "chain" in record), None)
+    number = max(records) + 1 if whole is None else whole["skills"]
+    wrong = [f"skill{index} is missing" for index in range(number) if index not in records]
+    for index, record in records.items():
+        if record.get("chain") != whole:
+            wrong.append(f"skill{index} is not of the chain of the others")
+        elif record["subtask"] != index:
+            wrong.append(f"skill{index} is the skill of subtask {record['subtask']}")
+    if wrong:
+        raise DamagedCheckpointError(
+            f"{path} is damaged: {'; '.join(wrong)}. Put it back from a copy, or run what made the chain again"
+        )
+    return [path / f"skill{index}" for index in range(number)]
 
 
 def load_chain(path: Path, **expected: Any) -> list[Skill]:
     """What `save_chain` wrote to `path`; see `Skill.load` for what is expected.
 
     Raises:
-        FileNotFoundError: if there is none.
+        MissingFileError: if there is none; a FileNotFoundError.
+        DamagedCheckpointError: see `chain_folders`.
     """
     folders = chain_folders(path)
     if not folders:
-        raise FileNotFoundError(f"no chain at {path}")
+        raise MissingFileError(f"no chain at {path}{made_by(path)}")
     return [Skill.load(folder, **expected) for folder in folders]
+
+
+def _skills_at(path: Path) -> dict[int, Path]:
+    """The folders skill<i> below `path` that hold a checkpoint, damaged or not, by their number, in order."""
+    found = {re.fullmatch(r"skill(\d+)", folder.name): folder for folder in path.glob("skill*")}
+    numbered = {int(name[1]): folder for name, folder in found.items() if name and is_checkpoint(folder)}
+    return dict(sorted(numbered.items()))

@@ -7,6 +7,7 @@ from typing import Any
 import torch
 from torch import nn
 
+from tstar_rl.checks import InvalidValueError, check_ranges
 from tstar_rl.env.layout import observation_size
 from tstar_rl.models.networks import Discriminator, make_discriminator, make_policy, make_value
 from tstar_rl.models.normalizer import Normalizer, Standardizer
@@ -39,9 +40,22 @@ class NetworkSettings:
     discriminator_activation: str = "tanh"
 
     def __post_init__(self) -> None:
-        for name in (self.activation, self.discriminator_activation):
-            if name not in ACTIVATIONS:
-                raise ValueError(f"activation must be one of {', '.join(ACTIVATIONS)}; got {name!r}")
+        check_ranges(self, positive=("action_std", "hand_std"))
+        choices = {
+            "activation": ACTIVATIONS,
+            "discriminator_activation": ACTIVATIONS,
+            "std": ("state", "fixed"),
+        }
+        for field, valid in choices.items():
+            if getattr(self, field) not in valid:
+                raise InvalidValueError(
+                    f"NetworkSettings.{field} must be one of {', '.join(valid)}; got {getattr(self, field)!r}"
+                )
+        for field in ("hidden", "discriminator_hidden"):
+            if min(getattr(self, field), default=1) < 1:
+                raise InvalidValueError(
+                    f"NetworkSettings.{field} must be sizes of at least 1, got {getattr(self, field)}"
+                )
 
 
 class Skill:

@@ -30,7 +30,9 @@ __all__ = ["command_line", "told_in_words"]
 FULL_ERROR = "HYDRA_FULL_ERROR"
 HINT = f"{FULL_ERROR}=1 shows where this was raised."
 FULL_DISK = (errno.ENOSPC, errno.EDQUOT)
-NOT_WRITABLE = (errno.EROFS, errno.EACCES, errno.EPERM)
+NOT_WRITABLE = (
+    errno.EROFS, errno.EACCES, errno.EPERM, errno.ENOTDIR, errno.EISDIR, errno.ENAMETOOLONG,
+)  # fmt: skip
 
 Body = Callable[[DictConfig], None]
 Check = Callable[[DictConfig], None]
@@ -50,8 +52,11 @@ def command_line(body: Body, configs: Path, name: str, check: Check) -> Callable
         os.environ.pop(
             FULL_ERROR, None
         )  # it was for Hydra; the recipes that this one starts tell in words too
-        with told_in_words():
-            body(config)
+        try:
+            with told_in_words():
+                body(config)
+        except (HydraException, OmegaConfBaseException) as error:  # of the config of a step that it starts
+            raise SystemExit(f"{_in_words(error, configs, name, check)}\n{HINT}") from None
 
     def start(function: Body) -> None:
         hydra.main(version_base="1.3", config_path=str(configs), config_name=f"recipe/{name}")(function)()

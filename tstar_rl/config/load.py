@@ -4,6 +4,7 @@ Names, plain values and what Hydra refuses are checked before torch is imported:
 second and not five.
 """
 
+import difflib
 import functools
 import gc
 import logging
@@ -22,7 +23,7 @@ from tstar_rl.config.command_line import command_line
 from tstar_rl.config.ranges import check_machine, check_ranges_of, find
 from tstar_rl.config.schema import SECTIONS, Config
 
-__all__ = ["check_config", "plain", "recipe", "settings"]
+__all__ = ["check_config", "plain", "recipe", "settings", "task_section"]
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 OWN_KEYS: dict[str, dict[str, Any]] = {}
@@ -73,6 +74,22 @@ def plain(config: DictConfig) -> dict[str, Any]:
     return OmegaConf.to_container(config, resolve=True, throw_on_missing=True)  # type: ignore[return-value]
 
 
+def task_section(name: str) -> DictConfig:
+    """The values of configs/task/<name>.yaml.
+
+    Raises:
+        ConfigError: if there is no such file; it lists those that there are.
+    """
+    files = {path.stem: path for path in sorted((CONFIGS / "task").glob("*.yaml"))}
+    if name not in files:
+        near = difflib.get_close_matches(name, files, n=1)
+        hint = f"; did you mean {near[0]}?" if near else ""
+        raise ConfigError(
+            f"a task must be one of {', '.join(files)} (files of configs/task), got {name!r}{hint}"
+        )
+    return OmegaConf.load(files[name])  # pyright: ignore[reportReturnType]
+
+
 def check_config(config: DictConfig, name: str) -> None:
     """Checks all names, types and ranges in the config of the recipe `name`.
 
@@ -91,8 +108,11 @@ def check_config(config: DictConfig, name: str) -> None:
 
 def _check_what_the_library_declares(values: dict[str, Any]) -> None:
     """The part of `check_config` that needs TorchRL."""
+    from torch import nn
+
     from tstar_rl.env.furniture_env import check_task
     from tstar_rl.rollouts.starts import check_shares
+    from tstar_rl.transforms import RewardMixture, TerminalStateReward
 
     for name, declared in SECTIONS.items():
         if (section := find(values, name)) is not None:
@@ -104,6 +124,8 @@ def _check_what_the_library_declares(values: dict[str, Any]) -> None:
         raise ConfigError(str(error)) from error
     if shares := find(values, "chain.starts"):
         check_shares(shares)
+    RewardMixture(**values["reward"])  # both say what is wrong with their section
+    TerminalStateReward(nn.Identity(), **values["terminal_reward"])
 
 
 Settings = TypeVar("Settings")

@@ -4,7 +4,7 @@ import importlib.util
 from collections.abc import Mapping
 from typing import Any
 
-from tstar_rl.checks import MissingExtraError
+from tstar_rl.checks import RANGES, MissingExtraError
 from tstar_rl.config.check import ConfigError
 from tstar_rl.demonstrations.file_check import KINDS
 
@@ -35,8 +35,31 @@ LEAST = {
     "evaluation.episodes": 1,
     "evaluation.whole_episodes": 1,
     "evaluation.recorded": 0,
+    "spirl.capacity": 1,
+    "spirl.num_envs": 1,
+    "spirl.max_steps": 1,
+    "spirl.total_steps": 0,
+    "spirl.checkpoint_every": 1,
+    "simulations": 1,
+    "episodes": 1,
+    "compared": 1,
+    "states": 1,
+    "draws": 1,
+    **{f"bench.{name}": 1 for name in ("steps", "rounds", "updates", "worker_steps", "single_steps")},
+    **{f"growth.{name}": 1 for name in ("steps", "least", "rollouts", "rollout_envs", "rollout_horizon")},
 }
 """Of each whole number, the least it may be. A recipe that has no such key is not asked for it."""
+KINDS_OF_NUMBERS = {
+    "normalizer.floor": "positive",
+    "floor": "positive",
+    "minutes": "positive",
+    "noise": "not_negative",
+    "demonstrations.noise": "not_negative",
+    "bonus": "share",
+}
+"""Of each other number, its kind: see `checks.RANGES`."""
+NOT_EMPTY = ("checkpoints", "kinds", "modes", "only", "scales", "seeds", "systems", "tasks")
+"""Lists that name what a recipe does."""
 CHOICES = {
     "launch": ("local", "ray"),
     "collection.backend": ("local", "ray"),
@@ -49,12 +72,19 @@ def check_ranges_of(values: Mapping[str, Any]) -> None:
     """Checks the values of a config whose names and types are right.
 
     Raises:
-        ConfigError: for the first that is out of its range; it names the key, what was got and what is valid.
+        InvalidValueError: for the first that is out of its range; it names the key, what was got and what is valid.
     """
     for name, least in LEAST.items():
         value = find(values, name)
         if value is not None and value < least:
             raise ConfigError(f"{name} must be a whole number from {least}, got {value}")
+    for name, kind in KINDS_OF_NUMBERS.items():
+        value, (said, fits) = find(values, name), RANGES[kind]
+        if value is not None and not fits(value):
+            raise ConfigError(f"{name} must be {said}, got {value}")
+    for name in NOT_EMPTY:
+        if find(values, name) in ([], {}):
+            raise ConfigError(f"{name} must name at least one, got none: there would be nothing to do")
     for name, valid in CHOICES.items():
         if (value := find(values, name)) not in valid and _has(values, name):
             said = ", ".join("null" if one is None else one for one in valid)

@@ -1,9 +1,11 @@
 """The deviation of a policy's actions over a run, where it follows a schedule."""
 
+import math
 from dataclasses import dataclass
 
 from torch import nn
 
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.models.networks import set_action_std
 
 __all__ = ["Exploration"]
@@ -17,6 +19,13 @@ class Exploration:
     """Of the seven joint velocities."""
     hand: tuple[float, float]
     """Of the gripper and connect actions."""
+
+    def __post_init__(self) -> None:
+        for name in ("arm", "hand"):
+            if not all(0 < value < math.inf for value in getattr(self, name)):
+                raise InvalidValueError(
+                    f"Exploration.{name} must be positive deviations, got {getattr(self, name)}"
+                )
 
     def apply(self, policy: nn.Module, progress: float) -> None:
         """Sets the deviation of a policy at `progress` in [0, 1]."""

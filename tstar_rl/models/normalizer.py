@@ -3,6 +3,8 @@
 import torch
 from torch import Tensor, nn
 
+from tstar_rl.checks import InvalidValueError
+
 __all__ = ["Normalizer", "Standardizer"]
 
 
@@ -74,7 +76,7 @@ class Normalizer(nn.Module):
             ValueError: if the floor is not positive.
         """
         if not floor > 0:
-            raise ValueError(f"a floor must be positive, got {floor}")
+            raise InvalidValueError(f"a floor must be positive, got {floor}")
         below = int((self.scale < floor).sum())
         self.scale.clamp_(min=floor)
         return below

@@ -10,7 +10,7 @@ from torchrl.envs import ExplorationType, TransformedEnv, set_exploration_type
 
 from tstar_rl.rollouts.episodes import run_episodes
 
-__all__ = ["EpisodeLog", "Signal", "d_omega_signal", "record_episode"]
+__all__ = ["EpisodeLog", "Signal", "d_omega_signal", "log_episodes", "record_episode", "rows_to_show"]
 
 Signal = Callable[[TensorDictBase], Tensor]
 """From the TensorDict of a step, batch [n], to (n,): a number worth showing, NaN where there is none."""
@@ -113,6 +113,26 @@ def d_omega_signal(following: Sequence[Callable[[Tensor], Tensor]]) -> Signal:
     return signal
 
 
+def log_episodes(
+    env: TransformedEnv,
+    policy: Callable[[TensorDictBase], TensorDictBase],
+    number: int | None = None,
+    signals: Mapping[str, Signal] | None = None,
+) -> EpisodeLog:
+    """Runs a deterministic episode of every simulation of `env`, from `with_starts` and with snapshots=True.
+
+    Args:
+        env: batch [N].
+        policy: any: reads and writes TensorDicts of batch [N].
+        number: see `EpisodeLog`.
+        signals: what else to show of each step, by name.
+    """
+    log = EpisodeLog(env.base_env, number, signals)
+    with set_exploration_type(ExplorationType.DETERMINISTIC):
+        run_episodes(env, policy, log)
+    return log
+
+
 def record_episode(
     env: TransformedEnv,
     policy: Callable[[TensorDictBase], TensorDictBase],
@@ -120,20 +140,29 @@ def record_episode(
     success: bool | None = None,
     signals: Mapping[str, Signal] | None = None,
 ) -> dict[str, Any]:
-    """Runs a deterministic episode of every simulation of `env`, and gives one for `FurnitureEnv.write_player`.
+    """One episode of a policy for `FurnitureEnv.write_player`; `env`, `policy` and `signals` as in `log_episodes`.
 
     Args:
-        env: from `with_starts`, with snapshots=True.
-        policy: any: reads and writes TensorDicts of batch [N].
+        env: see there.
+        policy: see there.
         title: shown above it.
         success: the first episode that ended so is given, or simulation 0's where none did; None: simulation 0's.
-        signals: what else to show of each step, by name.
+        signals: see there.
     """
-    log = EpisodeLog(env.base_env, None if success is not None else 1, signals)
-    with set_exploration_type(ExplorationType.DETERMINISTIC):
-        run_episodes(env, policy, log)
-    row = 0 if success is None else int((log.successes() == success).int().argmax())
+    log = log_episodes(env, policy, None if success is not None else 1, signals)
+    (row,) = (0,) if success is None else rows_to_show([log], [success])
     return log.episode(row, title)
+
+
+def rows_to_show(logs: Sequence[EpisodeLog], successes: Sequence[bool]) -> list[int]:
+    """Of each log the simulation whose episode is shown: the same one, if in one of them all ended as wanted.
+
+    The same simulation has the same start, where the environments were made alike. Else it is the first that ended as
+    wanted of each, and simulation 0 where none did.
+    """
+    wanted = torch.stack([log.successes() == success for log, success in zip(logs, successes, strict=True)])
+    chosen = wanted.all(0).expand_as(wanted) if wanted.all(0).any() else wanted
+    return chosen.int().argmax(1).tolist()
 
 
 def _kept(values: Tensor) -> Tensor:

@@ -1,5 +1,6 @@
 """Files that are written at once: whoever is killed, or finds the disk full, leaves the old content or the new one."""
 
+import errno
 import fcntl
 import io
 import os
@@ -12,13 +13,18 @@ __all__ = ["append_text", "named_in_errors", "replacing", "turn_to_write"]
 
 @contextmanager
 def named_in_errors(path: Path) -> Iterator[None]:
-    """Adds the path to an `OSError` that names no file, as one of a full disk while a file is written."""
+    """Adds the path to an `OSError` that names no file, and makes one of what torch says of a full disk."""
     try:
         yield
     except OSError as error:
         if error.filename is None and error.errno is not None:
             error.filename = str(path)
         raise
+    except RuntimeError as error:  # torch's own, of a file that it maps
+        full = os.strerror(errno.ENOSPC)
+        if full not in str(error):
+            raise
+        raise OSError(errno.ENOSPC, full, str(path)) from error
 
 
 @contextmanager

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import yaml
 
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.runs.files import replacing, turn_to_write
 
 __all__ = ["Place", "made_by", "note_evaluation", "read_run_path", "run_path", "write_config"]
@@ -40,11 +41,11 @@ def read_run_path(path: Path) -> tuple[Place, Path]:
         path: relative to the root.
 
     Raises:
-        ValueError: if it is not <task>/<recipe>/seed<k>[/subtask<i>][/...].
+        InvalidValueError: if it is not <task>/<recipe>/seed<k>[/subtask<i>][/...].
     """
     found = re.fullmatch(r"([^/]+)/(.+?)/seed(\d+)(?:/subtask(\d+))?(?:/(.*))?", path.as_posix())
     if found is None:
-        raise ValueError(f"a run lies at <task>/<recipe>/seed<k>[/subtask<i>], got {path}")
+        raise InvalidValueError(f"a run lies at <task>/<recipe>/seed<k>[/subtask<i>], got {path}")
     task, system, seed, subtask, rest = found.groups()
     return Place(task, system, int(seed), None if subtask is None else int(subtask)), Path(rest or "")
 

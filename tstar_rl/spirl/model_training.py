@@ -10,7 +10,7 @@ from tensordict.utils import NestedKey
 from torch import Tensor
 from torchrl.objectives import LossModule
 
-from tstar_rl.checks import check_ranges
+from tstar_rl.checks import InvalidValueError, check_ranges
 from tstar_rl.demonstrations.data_set import Demonstrations
 from tstar_rl.equations import latent_prior_loss, latent_reconstruction_loss, latent_regularisation_loss
 from tstar_rl.spirl.model import LatentModel
@@ -128,7 +128,8 @@ def windows(
         rows.append(end - length + steps)
     index = torch.cat(rows)
     if not len(index):
-        raise ValueError(f"no episode has {horizon} steps; the longest has {int(lengths.max())}")
+        longest = f"the longest has {int(lengths.max())}"
+        raise InvalidValueError(f"no episode has the {horizon} steps of spirl.model.horizon; {longest}")
     return TensorDict({"observation": observations[index], "action": actions[index]}, [len(index)])
 
 
@@ -142,7 +143,9 @@ def split_windows(
     """
     kept = len(expert) - max(round(settings.held_out * len(expert)), 1)
     if kept < 1:
-        raise ValueError(f"held_out={settings.held_out} of {len(expert)} episodes leaves none to train on")
+        raise InvalidValueError(
+            f"spirl.model_training.held_out={settings.held_out} of {len(expert)} episodes leaves none to train on"
+        )
     end = int(expert.lengths[:kept].sum())
     parts = ((slice(end), slice(kept)), (slice(end, None), slice(kept, None)))
     training, held_out = (

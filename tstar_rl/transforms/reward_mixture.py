@@ -7,6 +7,7 @@ from tensordict import TensorDictBase
 from torch import Tensor
 from torchrl.envs import Compose
 
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.equations import weighted_reward
 from tstar_rl.transforms.reward_transform import RewardTransform
 
@@ -29,7 +30,7 @@ class RewardMixture(RewardTransform):
         scales: of terms, 1 where none is given, so that a departure from the paper does not hide in a lambda.
 
     Raises:
-        ValueError: if a number is not finite, every weight is zero, or a scale is of a term that has no weight.
+        InvalidValueError: if a number is not finite, every weight is zero, or a scale is of a term that has no weight.
 
     Source: the paper, eq. 1 and 3; reward scale from its Table 2.
     """
@@ -45,16 +46,17 @@ class RewardMixture(RewardTransform):
         self.scales, self.reward_scale = dict(scales or {}), reward_scale
         unknown = [term for term in self.scales if term not in self.weights]
         if unknown:
-            raise ValueError(
+            raise InvalidValueError(
                 f"reward.scales has {', '.join(unknown)}, which reward.weights has not; "
                 f"it has {', '.join(self.weights)}"
             )
         numbers = (*self.weights.values(), *self.scales.values(), reward_scale)
         if not all(math.isfinite(number) for number in numbers):
-            raise ValueError(f"weights and scales must be finite, got {numbers}")
+            raise InvalidValueError(f"reward.weights, scales and reward_scale must be finite, got {numbers}")
         if not any(self.effective_weights().values()):
-            raise ValueError(
-                "every weight of the mixture is zero: the policy would have nothing to learn from"
+            raise InvalidValueError(
+                f"every weight of the mixture (reward.weights) is zero: the policy would have nothing to learn from; "
+                f"got {self.weights}, scales {self.scales} and reward_scale {reward_scale}"
             )
 
     def effective_weights(self) -> dict[str, float]:
@@ -84,12 +86,12 @@ def weighted(mixture: RewardMixture, terms: Mapping[str, RewardTransform | None]
         terms: each writes ("next", "reward_<its name>"); one that is None is not there.
 
     Raises:
-        ValueError: if a term has no weight.
+        InvalidValueError: if a term has no weight.
     """
     there = {term: transform for term, transform in terms.items() if transform is not None}
     for term in there:
         if term not in mixture.weights:
-            raise ValueError(
+            raise InvalidValueError(
                 f"reward.weights has no {term}; it has {', '.join(mixture.weights)}: give it a weight there"
             )
     kept = {term: weight for term, weight in mixture.weights.items() if term == "env" or term in there}

@@ -4,6 +4,7 @@ import torch
 from tensordict import TensorDictBase
 from torch import Tensor, nn
 
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.equations import terminal_state_reward
 from tstar_rl.transforms.reward_transform import RewardTransform
 
@@ -15,14 +16,14 @@ class ConstantBonus(nn.Module):
         value: in [0, 1].
 
     Raises:
-        ValueError: if the value is outside, where the reward's clipping would change it.
+        InvalidValueError: if the value is outside, where the reward's clipping would change it.
     """
 
     def __init__(self, value: float) -> None:
         super().__init__()
         if not 0.0 <= value <= 1.0:
-            raise ValueError(
-                f"the bonus is clipped to [0, 1] like d_omega, so value must be in it; got {value}"
+            raise InvalidValueError(
+                f"the bonus is clipped to [0, 1] like d_omega, so it must lie there; got {value}"
             )
         self.value = value
 
@@ -43,7 +44,7 @@ class TerminalStateReward(RewardTransform):
         momentum: weight of one success in the running mean.
 
     Raises:
-        ValueError: if `score` or `baseline` is not one of these, or momentum is not in (0, 1].
+        InvalidValueError: if `score` or `baseline` is not one of these, or momentum is not in (0, 1].
 
     Source: the paper, eq. 2.
     """
@@ -55,11 +56,13 @@ class TerminalStateReward(RewardTransform):
         self, d_omega: nn.Module, score: str = "terminal", baseline: str = "none", momentum: float = 0.01
     ) -> None:
         if score not in ("terminal", "before"):
-            raise ValueError(f"score must be 'terminal' or 'before', got {score!r}")
+            raise InvalidValueError(f"terminal_reward.score must be 'terminal' or 'before', got {score!r}")
         if baseline not in ("none", "running_mean"):
-            raise ValueError(f"baseline must be 'none' or 'running_mean', got {baseline!r}")
+            raise InvalidValueError(
+                f"terminal_reward.baseline must be 'none' or 'running_mean', got {baseline!r}"
+            )
         if not 0.0 < momentum <= 1.0:
-            raise ValueError(f"momentum must be in (0, 1], got {momentum}")
+            raise InvalidValueError(f"terminal_reward.momentum must be in (0, 1], got {momentum}")
         super().__init__("reward_tsr")
         self.network = d_omega
         self.score = score

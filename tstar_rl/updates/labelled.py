@@ -18,7 +18,7 @@ __all__ = ["LabelledSettings", "LabelledUpdate"]
 
 @dataclass(frozen=True)
 class LabelledSettings:
-    """How a network learns the labels of states; docs/decisions/0021-signals.md says what was tried."""
+    """How a network learns the labels of states; docs/decisions/0022-signals.md says what was tried."""
 
     learning_rate: float = 3e-4
     minibatch: int = 256

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 import torch
+from assembled import connector_gaps
 from browser import MISSING, Browser, find_chromium
 from matplotlib import image as matplotlib_image
 
-from tstar_envs import geometry
-from tstar_envs.furniture import load
 from tstar_rl import FurnitureEnv
 from tstar_rl.rollouts.collection import with_starts
 from tstar_rl.rollouts.watching import record_episode
@@ -63,20 +62,6 @@ def state(page) -> dict:
     return page.evaluate("player.state()")
 
 
-def connector_gaps(bodies: dict) -> dict[str, float]:
-    """Distance, m, between the two connectors of each step, from body poses as the page has them."""
-    furniture, gaps = load(TASK), {}
-    for k, step in enumerate(furniture.steps):
-        ends = []
-        connectors = furniture.connectors_of(k)
-        for part, connector in zip((step.moving_part, step.target_part), connectors, strict=True):
-            pose = torch.tensor(bodies[part], dtype=torch.float64)
-            offset = torch.tensor(connector.pos, dtype=torch.float64)
-            ends.append(pose[:3] + geometry.quat_rotate(pose[3:], offset))
-        gaps[step.moving_part] = float((ends[0] - ends[1]).norm())
-    return gaps
-
-
 def picture(page, tmp_path, name: str) -> np.ndarray:
     page.screenshot(tmp_path / f"{name}.png")
     return matplotlib_image.imread(tmp_path / f"{name}.png")[..., :3]
@@ -97,7 +82,7 @@ def test_the_page_opens_from_disk_with_both_episodes(page, episodes):
     assert not left["success"] and left["steps"] == 40
     assert right["success"] and right["steps"] == len(episodes[1][1]["reward"]) == found["last"]
     assert page.evaluate("location.protocol") == "file:"
-    assert min(connector_gaps(right["bodies"]).values()) > 0.1
+    assert min(connector_gaps(TASK, right["bodies"]).values()) > 0.1
 
 
 def test_the_last_frame_shows_an_assembled_table(page, tmp_path):
@@ -106,8 +91,8 @@ def test_the_last_frame_shows_an_assembled_table(page, tmp_path):
     page.press("End")
     page.wait_for("player.state().time === player.last")
     left, right = state(page)["panes"]
-    assert right["subtask"] == 4 and max(connector_gaps(right["bodies"]).values()) < 0.02
-    assert left["step"] == 40 and min(connector_gaps(left["bodies"]).values()) > 0.1
+    assert right["subtask"] == 4 and max(connector_gaps(TASK, right["bodies"]).values()) < 0.02
+    assert left["step"] == 40 and min(connector_gaps(TASK, left["bodies"]).values()) > 0.1
     after = picture(page, tmp_path, "after")
     assert (np.abs(after - before).max(-1) > 0.1)[where].mean() > 0.01, (
         "the table is not drawn as it was before"

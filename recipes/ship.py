@@ -1,0 +1,90 @@
+"""Makes a small file of a trained chain: its policies, and what is known of them. `load_pretrained` reads it.
+
+    python recipes/ship.py system=tstar seed=0                       # into runs/shipped/table_lack/tstar
+    python recipes/ship.py system=floored scale=narrow variant=narrow_mended into=tstar_rl/shipped/chains
+    python recipes/evaluate.py pretrained=table_lack pretrained_dir=runs/shipped  # to the figures recorded
+
+The chain must have been evaluated: its settings, commit and figures are those beside its results.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import yaml
+from hydra.core.hydra_config import HydraConfig
+from omegaconf import DictConfig
+
+from tstar_rl.chaining.chain import chain_folders
+from tstar_rl.chaining.skill import Skill
+from tstar_rl.checks import MissingFileError
+from tstar_rl.config.load import plain, recipe
+from tstar_rl.launch.steps import evaluated_runs, run_folder
+from tstar_rl.runs.checkpoint import CheckpointMismatchError, differences
+from tstar_rl.runs.run_folder import made_by
+from tstar_rl.shipped.chain import save_shipped
+
+FIGURES = ("episodes", "progress", "success", "success_low", "success_high", "episode_length")
+SAME = ("task", "env", "networks")
+"""Sections in which the run's config must be the one given here, so that the scale recorded is the run's."""
+
+
+@recipe("ship", checkpoint=str, variant=str, says=str, signal=bool, into=str)
+def main(config: DictConfig) -> None:
+    """Writes the file and says how large it is."""
+    skills = [
+        Skill.load(folder, task=config.task.name, subtask=i) for i, folder in enumerate(_folders(config))
+    ]
+    results = run_folder(config, "results_dir")
+    saved, figures = _config_of(results, config), _figures_of(results, config)
+    path = Path(config.into) / config.task.name / config.variant
+    save_shipped(
+        skills, path, config.signal, task=config.task.name, variant=config.variant, says=config.says,
+        system=config.system, scale=HydraConfig.get().runtime.choices["scale"], seed=config.seed,
+        checkpoint=config.checkpoint, figures=figures, **saved,
+    )  # fmt: skip
+    size = sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
+    print(f"{path}: {len(skills)} skills, {size / 1000:.0f} kB")
+    print(pd.DataFrame(figures).T.round(3).to_string())
+
+
+def _folders(config: DictConfig) -> list[Path]:
+    """Those of the chain's skills, in order."""
+    homes = [run / config.checkpoint for run in evaluated_runs(config)]
+    found = chain_folders(homes[0]) if len(homes) == 1 else homes
+    if not found:
+        raise MissingFileError(f"no chain at {homes[0]}{made_by(homes[0])}")
+    return found
+
+
+def _config_of(results: Path, config: DictConfig) -> dict[str, Any]:
+    """What the run's config.yaml says of where and on what it was trained."""
+    if not (results / "config.yaml").is_file():
+        raise MissingFileError(
+            f"no config at {results / 'config.yaml'}: it names the settings and the commit"
+        )
+    saved = yaml.safe_load((results / "config.yaml").read_text())
+    wanted = plain(config)
+    wrong = differences({name: saved[name] for name in SAME}, {name: wanted[name] for name in SAME})
+    if wrong:
+        raise CheckpointMismatchError(f"{results} is of another scale or config: {'; '.join(wrong)}")
+    return {"env": saved["env"], "versions": saved["versions"]}
+
+
+def _figures_of(results: Path, config: DictConfig) -> dict[str, dict[str, float]]:
+    """The figures of its evaluation, by mode."""
+    file, asked = results / "evaluation.csv", f"system={config.system} seed={config.seed}"
+    table = pd.read_csv(file) if file.is_file() else pd.DataFrame(columns=["checkpoint", "seed", "mode"])
+    rows = table[(table.checkpoint == config.checkpoint) & (table.seed == config.seed)].set_index("mode")
+    if rows.empty:
+        raise MissingFileError(
+            f"no evaluation of {config.checkpoint} at {file}: python recipes/evaluate.py {asked}"
+        )
+    shares = [name for name in rows if name.startswith("subtask_")]
+    columns = [*FIGURES, *shares, *(name for name in ("env_steps", "minutes") if name in rows)]
+    kept = rows[columns].astype(object).where(rows[columns].notna(), None)
+    return kept.to_dict("index")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,83 @@
+"""A trained chain becomes a small file that knows where it comes from."""
+
+import re
+from pathlib import Path
+
+import pandas as pd
+import pytest
+import torch
+import yaml
+from hydra import compose, initialize_config_dir
+
+from tstar_rl.chaining.chain import load_chain, save_chain
+from tstar_rl.chaining.skill import NetworkSettings, Skill
+from tstar_rl.config.load import CONFIGS, plain
+from tstar_rl.shipped.catalogue import load_pretrained, pretrained
+
+ROW = {
+    "checkpoint": "last", "mode": "deterministic", "episodes": 8, "progress": 0.75, "success": 0.5,
+    "success_low": 0.2, "success_high": 0.8, "subtask_0": 1.0, "subtask_1": 0.5, "subtask_2": None,
+    "episode_length": 70.5, "env_steps": 100, "minutes": None, "seed": 4,
+}  # fmt: skip
+
+
+@pytest.fixture
+def trained(tmp_path, monkeypatch):
+    """A trained and evaluated chain of two skills below the working directory."""
+    monkeypatch.chdir(tmp_path)
+    settings = NetworkSettings(hidden=(8,), discriminator_hidden=(8,))
+    save_chain([Skill("table_lack", i, settings) for i in range(2)], Path("runs/table_lack/tstar/seed4/last"))
+    results = Path("results/table_lack/tstar/seed4")
+    results.mkdir(parents=True)
+    rows = [ROW, {**ROW, "mode": "stochastic"}, {**ROW, "checkpoint": "best"}, {**ROW, "seed": 0}]
+    pd.DataFrame(rows).to_csv(results / "evaluation.csv", index=False)
+    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
+        config = plain(compose("recipe/tstar", ["scale=narrow", "seed=4"]))
+    versions = {"torch": "2.13.0", "commit": "0" * 40}
+    (results / "config.yaml").write_text(yaml.safe_dump({**config, "versions": versions}))
+    return results
+
+
+def test_a_chain_is_shipped_with_what_is_known_of_it(trained, call, capsys):
+    call("ship", "scale=narrow", "seed=4", "variant=mended", "says=fine-tuned", "signal=true")
+    assert "runs/shipped/table_lack/mended: 2 skills, " in capsys.readouterr().out
+    chain = load_pretrained("table_lack", "mended", folder="runs/shipped")
+    record = {
+        name: chain.record[name] for name in ("system", "scale", "seed", "checkpoint", "says", "versions")
+    }
+    assert record == {
+        "system": "tstar", "scale": "narrow", "seed": 4, "checkpoint": "last", "says": "fine-tuned",
+        "versions": {"torch": "2.13.0", "commit": "0" * 40},
+    }  # fmt: skip
+    assert chain.env_settings["preassembled"] == "ideal" and len(chain.d_omega) == 1
+    figures = {name: value for name, value in ROW.items() if name not in ("checkpoint", "mode", "seed")}
+    assert chain.record["figures"] == {"deterministic": figures, "stochastic": figures}
+    skills = load_chain(Path("runs/table_lack/tstar/seed4/last"))
+    for policy, skill in zip(chain.policies, skills, strict=True):
+        for name, value in skill.policy.state_dict().items():
+            assert torch.equal(policy.state_dict()[name], value)
+    assert pretrained("runs/shipped") == {"table_lack": ["mended"]}
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        (
+            ["scale=laptop"],
+            "seed4 is of another scale or config: env.preassembled was 'ideal' .* 'jitter' now",
+        ),
+        (["scale=narrow", "checkpoint=best"], "no chain at runs/table_lack/tstar/seed4/best: train it first"),
+        (["scale=narrow", "seed=3"], "no chain at runs/table_lack/tstar/seed3/last"),
+    ],
+)
+def test_another_chain_than_that_of_the_results_is_refused(trained, say, values, message):
+    values = values if "seed=3" in values else [*values, "seed=4"]
+    assert re.search(message, say("ship", *values))
+
+
+def test_a_chain_that_was_not_evaluated_is_refused(trained, say):
+    (trained / "evaluation.csv").unlink()
+    said = "no evaluation of last at .*evaluation.csv: python recipes/evaluate.py system=tstar seed=4"
+    assert re.search(said, say("ship", "scale=narrow", "seed=4"))
+    (trained / "config.yaml").unlink()
+    assert re.search("no config at .*config.yaml", say("ship", "scale=narrow", "seed=4"))
