@@ -128,6 +128,11 @@ class FurnitureEnv(EnvBase):
         return self.world.num_subtasks
 
     @property
+    def part_names(self) -> tuple[str, ...]:
+        """In the order of the observation."""
+        return self.world.furniture.part_names
+
+    @property
     def max_steps(self) -> int:
         """Control steps after which an episode is truncated."""
         return self.world.max_steps
