@@ -43,8 +43,8 @@ class TaskSettings:
     reset_robot: bool = True
     """The arm goes back home, gripper open, after connecting."""
     retreat_steps: int = 0
-    """With `reset_robot: false`: control steps after connecting in which the hand lets go and the arm draws back towards
-    home, pushing what is in its way; 0: it stays, the hand closed. The time limit does not count them."""
+    """With `reset_robot: false`: control steps after connecting in which the hand lets go and the arm draws back
+    towards home, pushing what is in its way; 0: it stays, the hand closed. The time limit does not count them."""
     skipped_phases: str = "paid"
     """Connecting before the last phase pays the bonuses of the phases left out (`paid`), or its own alone (`unpaid`, as
     in the paper). Source: docs/decisions/0007-chair.md."""

@@ -47,9 +47,9 @@ def test_starts_are_handed_out_in_order_each_as_often_as_asked():
     assert drawn["snapshot"].flatten().tolist() == [0, 0, 1, 1, 2, 2, 0]
 
 
-@pytest.mark.parametrize(("noise", "least", "most"), [(0.0, 0.0, 0.01), (1.0, 0.5, 1.0)])
+@pytest.mark.parametrize(("noise", "least", "most"), [(0.0, 0.0, 0.01), (1.0, 0.25, 0.55)])
 def test_on_the_point_noise_across_the_way_is_what_decides(noise, least, most):
-    """Skill 1 succeeds where y > 0: skill 0 decides it as far as it moves y."""
+    """Skill 1 succeeds where y > 0: skill 0 decides it as far as it moves y, here by .3 where starts spread by .6."""
 
     def make_env(subtask, number, starts):
         env = PointChain("point", number, subtask, snapshots=True, max_steps=30)
