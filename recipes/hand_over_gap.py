@@ -26,7 +26,7 @@ from tstar_rl.analysis.hand_over_gap import chain_interval, gap_interval, produc
 from tstar_rl.analysis.statistics import Interval
 from tstar_rl.chaining.chain import ChainPolicy, load_chain
 from tstar_rl.chaining.influence import Influence, Repeated, influence_of
-from tstar_rl.chaining.outcomes import input_groups, what_decides
+from tstar_rl.chaining.outcomes import input_groups, input_names, strongest_input, what_decides
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.config.build import environment
 from tstar_rl.config.chain import load_skills
@@ -116,6 +116,7 @@ def _seam_row(seam: Seam, parts: Sequence[str], influence: Influence | None) -> 
     row: dict[str, Any] = {"subtask": seam.subtask, "states": len(won)}
     row |= {"succeeded": float(won.double().mean()) if len(won) else math.nan, "area": decision.area}
     row |= {f"fall {name}": fall for name, fall in decision.falls.items()}
+    row["strongest"], row["strongest_area"] = strongest_input(seam.observations, won, input_names(parts))
     known = influence or Influence(0, math.nan, math.nan)
     return row | {
         "influence_starts": known.starts,

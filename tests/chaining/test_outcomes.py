@@ -5,7 +5,13 @@ import math
 import pytest
 import torch
 
-from tstar_rl.chaining.outcomes import area_under_curve, input_groups, what_decides
+from tstar_rl.chaining.outcomes import (
+    area_under_curve,
+    input_groups,
+    input_names,
+    strongest_input,
+    what_decides,
+)
 from tstar_rl.env.layout import observation_size
 
 PARTS = ("top", "leg")
@@ -37,6 +43,17 @@ def test_the_group_that_decides_is_found_and_no_other():
     assert decision.area > 0.95
     assert decision.falls["leg position"] > 0.35
     assert all(abs(fall) < 0.05 for name, fall in decision.falls.items() if name != "leg position")
+
+
+def test_every_input_has_a_name_and_the_strongest_is_found():
+    names = input_names(PARTS)
+    assert len(names) == len(set(names)) == observation_size(2) - 8
+    assert (names[0], names[18], names[GROUPS["leg position"][1]]) == ("joint 0", "hand z", "leg y")
+    observations = states()
+    won = observations[:, 18] + 0.1 * observations[:, 0] < 0
+    name, area = strongest_input(observations, won, names)
+    assert name == "hand z" and area < 0.05
+    assert strongest_input(observations, torch.ones(400, dtype=torch.bool), names)[0] == ""
 
 
 def test_outcomes_by_chance_are_not_told_from_states_that_were_not_trained_on():

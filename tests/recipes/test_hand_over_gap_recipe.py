@@ -47,6 +47,7 @@ def test_gap_floors_cause_and_influence_of_a_chain_that_fails_where_y_is_negativ
     first = seams.set_index("subtask").loc[1]
     assert first.succeeded == pytest.approx(0.5, abs=0.07)
     assert first.area > 0.95
+    assert (first.strongest, first.strongest_area) == ("joint 1", 1.0), "y"
     assert first["fall robot"] > 0.3, "x and y are the first two numbers, the robot's"
     assert abs(first["fall leg_2 position"]) < 0.02
     assert first.influence_starts == 32

@@ -15,13 +15,17 @@ from torch import Tensor, nn
 
 from tstar_rl.env.layout import NUM_PHASES, PARTS
 
-__all__ = ["Decision", "area_under_curve", "input_groups", "what_decides"]
+__all__ = ["Decision", "area_under_curve", "input_groups", "input_names", "strongest_input", "what_decides"]
 
 FOLDS, STEPS, MINIBATCH, RATE, DECAY = 4, 400, 128, 1e-3, 1e-2
 HIDDEN, NOISE, CLIP = 64, 0.1, 5.0
 LEAST = 20
 """Successes, and failures, below which nothing is said: each fold would have five."""
 REPEATS = 5
+
+
+_ROBOT = (("joint", 7), ("joint speed", 7), ("finger", 2), ("hand", 3), ("hand turn", 4), ("hand speed", 3))
+_AXES = ("x", "y", "z"), ("w", "x", "y", "z")
 
 
 class Decision(NamedTuple):
@@ -45,6 +49,36 @@ def input_groups(parts: Sequence[str]) -> dict[str, list[int]]:
         groups[f"{name} position"] = list(range(first, first + 3))
         groups[f"{name} orientation"] = list(range(first + 3, first + 7))
     return groups
+
+
+def input_names(parts: Sequence[str]) -> list[str]:
+    """The name of each input, in the order of the observation, less the phase.
+
+    Source: docs/task.md, "Observation".
+    """
+    blocks = [*_ROBOT, ("hand spin", 3)]
+    for part in parts:
+        blocks += [(part, 3), (f"{part} turn", 4)]
+    axes = {3: _AXES[0], 4: _AXES[1]}
+    return [f"{name} {axes.get(size, range(size))[i]}" for name, size in blocks for i in range(size)]
+
+
+def strongest_input(observations: Tensor, outcomes: Tensor, names: Sequence[str]) -> tuple[str, float]:
+    """The one number that alone tells outcomes best, and its area under the curve: below .5, less of it succeeds.
+
+    Args:
+        observations, outcomes: see `what_decides`, which has no say in this.
+        names: of the inputs, from the first on.
+
+    Returns:
+        An empty name and nan where there are too few successes or failures.
+    """
+    if min(int(outcomes.sum()), int((~outcomes).sum())) < LEAST:
+        return "", float("nan")
+    states = _signs_of_quaternions(observations.float().cpu())
+    areas = [area_under_curve(states[:, index], outcomes.cpu()) for index in range(len(names))]
+    best = max(range(len(names)), key=lambda index: abs(areas[index] - 0.5))
+    return names[best], areas[best]
 
 
 def area_under_curve(scores: Tensor, outcomes: Tensor) -> float:
