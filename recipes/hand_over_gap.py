@@ -31,6 +31,7 @@ from tstar_rl.chaining.skill import Skill
 from tstar_rl.config.build import environment
 from tstar_rl.config.chain import load_skills
 from tstar_rl.config.load import recipe
+from tstar_rl.env.furniture_env import part_names
 from tstar_rl.rollouts.episodes import run_episodes
 from tstar_rl.rollouts.hand_overs import HandOvers, Seam
 from tstar_rl.rollouts.state_sets import TerminationSet
@@ -38,11 +39,8 @@ from tstar_rl.runs.csv_tables import append_rows
 from tstar_rl.runs.run_folder import run_path
 from tstar_rl.seeds import derive_seed
 
-_OWN, _CHAIN, _INFLUENCE = (
-    3,
-    4,
-    5,
-)  # seeds of evaluation; 0 and 1 are evaluate.py's modes, 2 is hand_over.py's
+# Seeds of evaluation: 0 and 1 are evaluate.py's modes, 2 is hand_over.py's.
+_OWN, _CHAIN, _INFLUENCE = 3, 4, 5
 
 
 @recipe("hand_over_gap", checkpoint=str, floors=tuple[float, ...], influence_starts=int, influence_times=int)
@@ -51,13 +49,14 @@ def main(config: DictConfig) -> None:
     place, skills = Path(config.results_dir) / config.task.name, _skills(config)
     chain = {"system": config.system, "seed": config.seed, "checkpoint": config.checkpoint}
     own = [_own_successes(config, index, skill) for index, skill in enumerate(skills)]
+    parts = part_names(config.task.name)
     found = _influences(config, skills) if config.influence_starts else [None] * (len(skills) - 1)
-    progress, seams, parts = _run_chain(config, skills)
+    progress, seams = _run_chain(config, skills)
     rows = [chain | {"floor": 0.0} | _row(config, own, progress)]
     lines = [chain | _seam_row(each, parts, some) for each, some in zip(seams, found, strict=True)]
     for floor in sorted(config.floors):
         raised = sum(skill.normalizer.raise_to(floor) for skill in skills)
-        progress, _, _ = _run_chain(config, skills)
+        progress, _ = _run_chain(config, skills)
         rows.append(chain | {"floor": floor, "raised_inputs": raised} | _row(config, own, progress))
     key = ("system", "seed", "checkpoint")
     for file, new, more in (("hand_over_gap.csv", rows, "floor"), ("seams.csv", lines, "subtask")):
@@ -82,17 +81,16 @@ def _own_successes(config: DictConfig, index: int, skill: Skill) -> int:
     return int(last["next", "success"].sum())
 
 
-def _run_chain(config: DictConfig, skills: Sequence[Skill]) -> tuple[np.ndarray, list[Seam], tuple[str, ...]]:
-    """Each episode's progress, the seams, and the names of the parts; always from the same starts."""
+def _run_chain(config: DictConfig, skills: Sequence[Skill]) -> tuple[np.ndarray, list[Seam]]:
+    """Progress of each episode of the whole chain, and its seams; always from the same starts."""
     number, links = config.evaluation.whole_episodes, len(skills)
     env = environment(config, None, number, derive_seed(config.seed, "evaluate", _CHAIN))
     watch = HandOvers(links)
     with set_exploration_type(ExplorationType.DETERMINISTIC):
         last = run_episodes(env, ChainPolicy(skills).to(config.device), watch, enough=links)
-    parts = env.base_env.part_names
     env.close()
     done = last["next", "completed"].squeeze(-1).clamp(max=links).double() / links
-    return done.cpu().numpy(), watch.seams(), parts
+    return done.cpu().numpy(), watch.seams()
 
 
 def _row(config: DictConfig, own: Sequence[int], progress: np.ndarray) -> dict[str, Any]:

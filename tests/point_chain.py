@@ -49,8 +49,6 @@ class PointChain(EnvBase):
     """
 
     num_subtasks = SUBTASKS
-    part_names = ("leg_1", "leg_2", "leg_3", "leg_4", "table_top")
-    """Those that an observation of 72 numbers has; here they stay at 0."""
     pace = 1.0
     """Of both actions. At 1 an episode takes three steps; at 0.05 it takes as many as an episode of the furniture."""
 

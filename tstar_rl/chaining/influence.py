@@ -78,7 +78,7 @@ def influence_of(
     won = last["next", "success"].squeeze(-1).cpu()
     if not won.any():
         return None
-    ends = last[won.to(last.device)].get("next").select("observation", "snapshot")
+    ends = last.get("next")[won.to(last.device)].select("observation", "snapshot")
     env = make_env(subtask + 1, int(won.sum()), Repeated(ends))
     with set_exploration_type(ExplorationType.DETERMINISTIC):
         after = run_episodes(env, policies[1])
