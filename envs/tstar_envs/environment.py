@@ -170,7 +170,9 @@ class BatchedEnvironment:
         """The part of a step after the simulator's, under actions (N, 9) from `before_step`; `failed` is (N,)."""
         if bool(failed.any()):
             self._bury(failed)
+        failures = self.task.starts.failures
         self.task.after_step(self.state, action, failed)
+        self.failures += self.task.starts.failures - failures
 
     def observation(self) -> Tensor:
         """Observation (N, O), float64; O is 37 and 7 for each part. Source: docs/task.md, "Observation"."""

@@ -42,6 +42,9 @@ class TaskSettings:
     """Connecting moves the part to its ideal pose first: an easy mode, not the paper's."""
     reset_robot: bool = True
     """The arm goes back home, gripper open, after connecting."""
+    retreat_steps: int = 0
+    """With `reset_robot: false`: control steps after connecting in which the hand lets go and the arm draws back
+    towards home, pushing what is in its way; 0: it stays, the hand closed. The time limit does not count them."""
     skipped_phases: str = "paid"
     """Connecting before the last phase pays the bonuses of the phases left out (`paid`), or its own alone (`unpaid`, as
     in the paper). Source: docs/decisions/0007-chair.md."""
@@ -65,9 +68,14 @@ class TaskSettings:
             "arm_noise",
             "jitter",
             "jitter_degrees",
+            "retreat_steps",
         ):
             if getattr(self, name) < 0:
                 raise ValueError(f"setting {name} must not be negative, got {getattr(self, name)}")
+        if self.retreat_steps and self.reset_robot:
+            raise ValueError(
+                f"setting retreat_steps={self.retreat_steps} needs reset_robot=false: the arm is put home otherwise"
+            )
         for name in ("max_steps", "settle_steps"):
             if getattr(self, name) < 1:
                 raise ValueError(f"setting {name} must be at least 1, got {getattr(self, name)}")

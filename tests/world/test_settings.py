@@ -12,6 +12,8 @@ from tstar_envs.settings import TaskSettings
         ({"part_noise": "0.02"}, "setting part_noise must be of type float, got '0.02'"),
         ({"part_noise": -0.01}, "setting part_noise must not be negative, got -0.01"),
         ({"arm_noise": float("nan")}, "setting arm_noise must be finite, got nan"),
+        ({"retreat_steps": -1, "reset_robot": False}, "setting retreat_steps must not be negative, got -1"),
+        ({"retreat_steps": 3}, "setting retreat_steps=3 needs reset_robot=false"),
         ({"max_steps": 2.5}, "setting max_steps must be of type int, got 2.5"),
         ({"max_steps": True}, "setting max_steps must be of type int, got True"),
         ({"gripper": None}, "setting gripper must be of type str, got None"),

@@ -41,6 +41,11 @@ def observation_dim(task: str) -> int:
     return observation_size(len(library.load(task).parts))
 
 
+def part_names(task: str) -> tuple[str, ...]:
+    """The parts of a task, in the order of the observation."""
+    return library.load(task).part_names
+
+
 def subtask_geometry(task: str, subtask: int) -> dict[str, Any]:
     """What `RelativeFeatures` needs to know of a subtask: part indices, connectors, grasp. Builds no simulator.
 

@@ -18,6 +18,7 @@ from tstar_envs.tasks.actions import CONNECT, GRIPPER
 from tstar_envs.tasks.episode_start import EpisodeStarts
 from tstar_envs.tasks.phase_reward import PHASES
 from tstar_envs.tasks.recipe_tables import RecipeTables
+from tstar_envs.tasks.retreat import draw_back
 from tstar_envs.tasks.scene_reader import Scene, SceneReader
 from tstar_envs.tasks.step_reward import StepReward, moved
 from tstar_envs.tasks.task import BatchedTask, EpisodeState
@@ -153,7 +154,7 @@ class Assembly(BatchedTask):
         return wrong
 
     def _connect(self, state: EpisodeState, mask: Tensor) -> None:
-        """Welds the parts where they met, sends the arm home, and begins the next subtask."""
+        """Welds the parts where they met, sends the arm home or back, and begins the next subtask."""
         for k in range(self.tables.num_steps):
             rows = mask & (state["subtask"] == k)
             if self.settings.snap:
@@ -161,10 +162,21 @@ class Assembly(BatchedTask):
             self.starts.weld(k, rows)
         if self.settings.reset_robot:
             self.starts.home_robot(mask)
+        elif self.settings.retreat_steps:
+            self._draw_back(state, mask)
         self.physics.forward(mask)
         state["subtask"] = state["subtask"] + mask
         state["completed"] = state["completed"] + mask
         self.begin_subtask(state, mask)
+
+    def _draw_back(self, state: EpisodeState, mask: Tensor) -> None:
+        """Lets go and draws the arm back; a simulation that fails on the way ends its episode as a failure."""
+        home, steps = self.starts.home, self.settings.retreat_steps
+        failed = draw_back(self.physics, home, self._speeds, steps, mask)
+        if bool(failed.any()):
+            self.starts.failures += int(failed.sum())
+            self.physics.clear(failed)
+            state["failed"], state["success"] = state["failed"] | failed, state["success"] & ~failed
 
 
 _WHOLE = ("subtask", "phase", "episode_step", "completed")

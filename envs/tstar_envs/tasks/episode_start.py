@@ -31,10 +31,11 @@ class EpisodeStarts:
         home = torch.tensor(
             [*sawyer.HOME_QPOS, *sawyer.FINGER_OPEN], dtype=torch.float64, device=physics.device
         )
-        self._home = home
+        self.home = home
+        """(9,): joints, rad, and open fingers, m."""
         self._made: MadeStarts | None = None
         self.failures = 0
-        """Simulations that failed while their parts settled; each was given another start."""
+        """Simulations that failed beside the steps: while their parts settled, or while the arm drew back."""
         self._jittered = settings.preassembled == "jitter"
         self._ideal = [tables.ideal_relative_pose(k) for k in range(tables.num_steps)]
 
@@ -102,11 +103,11 @@ class EpisodeStarts:
 
     def home_robot(self, mask: Tensor) -> None:
         """Puts the arm at its home pose, at rest, gripper open."""
-        rest = torch.zeros_like(self._home)
-        write(self.physics.qpos[:, :_ROBOT_QPOS], self._home, mask)
+        rest = torch.zeros_like(self.home)
+        write(self.physics.qpos[:, :_ROBOT_QPOS], self.home, mask)
         write(self.physics.qvel[:, :_ROBOT_QPOS], rest, mask)
         write(self.physics.ctrl[:, : sawyer.NUM_JOINTS], rest[: sawyer.NUM_JOINTS], mask)
-        write(self.physics.ctrl[:, sawyer.NUM_JOINTS :], self._home[sawyer.NUM_JOINTS :], mask)
+        write(self.physics.ctrl[:, sawyer.NUM_JOINTS :], self.home[sawyer.NUM_JOINTS :], mask)
 
     def weld(self, step: int, mask: Tensor) -> None:
         """Activates the weld of `step` at the pose where its two parts are now."""

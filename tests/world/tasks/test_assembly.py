@@ -90,6 +90,63 @@ def test_connecting_welds_the_parts_as_met_and_sends_the_arm_home():
     assert_close(relative_poses(world, 0), met, atol=2e-3, rtol=0)
 
 
+def joints_after_connecting(**settings) -> tuple[BatchedEnvironment, Tensor]:
+    """A world of which simulation 0 has just connected, without anybody putting its arm back, and the arm before."""
+    world = make(2, None, reset_robot=False, **settings)
+    expert = world.expert()
+    while not world.state["completed"][0]:
+        before = world.physics.qpos[:, :9].clone()
+        world.step(expert.act(world.state))
+    return world, before
+
+
+def off_home(joints: Tensor) -> Tensor:
+    """The joint that is furthest from home, rad."""
+    return (joints[..., :7] - torch.tensor(sawyer.HOME_QPOS, dtype=torch.float64)).abs().amax(-1)
+
+
+def test_an_arm_that_is_not_put_home_stays_with_its_hand_closed():
+    world, before = joints_after_connecting()
+    after = world.physics.qpos[:, :9]
+    assert off_home(before)[0] > 0.5 and abs(off_home(after)[0] - off_home(before)[0]) < 0.1
+    assert after[0, 7] < 0.5 * sawyer.FINGER_OPEN[0]
+    assert (world.state["phase"][0], world.state["subtask"][0]) == (0, 1)
+
+
+def test_an_arm_that_draws_back_opens_its_hand_and_moves_towards_home_no_faster_than_it_may():
+    stayed, _ = joints_after_connecting()
+    world, _ = joints_after_connecting(retreat_steps=6)
+    arms = [each.physics.qpos[0, :7] for each in (stayed, world)]
+    moved, limits = (arms[1] - arms[0]).abs(), 0.5 * torch.tensor(sawyer.JOINT_SPEEDS, dtype=torch.float64)
+    assert off_home(arms[1]) < off_home(arms[0]) - 0.1
+    assert (moved <= limits + 0.05).all(), "five steps of 0.1 s"
+    assert_close(world.physics.qpos[0, 7:9], torch.tensor(sawyer.FINGER_OPEN).double(), atol=2e-3, rtol=0)
+    assert not world.physics.ctrl[0, :7].any()
+    assert world.state["episode_step"][0] == stayed.state["episode_step"][0], (
+        "the time limit does not count it"
+    )
+    assert torch.equal(world.physics.qpos[1], stayed.physics.qpos[1]), "the other simulation does not notice"
+
+
+def test_an_arm_that_may_draw_back_long_enough_arrives_home():
+    world, _ = joints_after_connecting(retreat_steps=40)
+    assert off_home(world.physics.qpos[0]) < 0.02
+
+
+def test_a_simulation_that_fails_while_the_arm_draws_back_ends_its_episode(monkeypatch):
+    world = make(2, None, reset_robot=False, retreat_steps=3)
+    expert, step = world.expert(), world.physics.step
+    monkeypatch.setattr(
+        world.physics, "step", lambda n, mask=None: step(n, mask) if mask is None else mask.clone()
+    )
+    while not world.state["completed"].any():
+        world.step(expert.act(world.state))
+    failed = world.state["failed"]
+    assert torch.equal(failed, world.state["completed"] > 0) and world.failures == int(failed.sum())
+    assert torch.equal(world.task.get_termination(world.state)[0], failed)
+    assert torch.isfinite(world.observation()).all()
+
+
 def test_snap_welds_at_the_ideal_pose():
     world = make(1, snap=True)
     connect_one(world)

@@ -1,0 +1,162 @@
+"""How large a chain's hand-over gap is, whether a floor closes it, and what decides the next skill's outcome.
+
+    python recipes/hand_over_gap.py task=table_lack scale=laptop seed=1
+    python recipes/hand_over_gap.py task=table_lack scale=narrow seed=0 system=tstar checkpoint=best
+
+Nothing is trained. <results_dir>/<task>/hand_over_gap.csv has a row for the chain as it was trained (floor 0) and one
+for each floor under its normalisers' deviations; its gap is the product of the skills' own success, as trained, less
+that row's progress. <results_dir>/<task>/seams.csv has a row for each skill that takes over: a cross-validated
+classifier's area under the curve, what falls when a group of its inputs is shuffled, and how much of the outcome the
+skill before it decides (see `tstar_rl.chaining.influence`). Rows of the same chain are replaced.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from omegaconf import DictConfig
+from tensordict import TensorDictBase
+from torchrl.envs import ExplorationType, set_exploration_type
+
+from tstar_rl.analysis.hand_over_gap import chain_interval, gap_interval, product_interval
+from tstar_rl.analysis.statistics import Interval
+from tstar_rl.chaining.chain import ChainPolicy, load_chain
+from tstar_rl.chaining.influence import Influence, Repeated, influence_of
+from tstar_rl.chaining.skill import Skill
+from tstar_rl.chaining.what_decides import input_groups, input_names, strongest_input, what_decides
+from tstar_rl.config.build import environment
+from tstar_rl.config.chain import load_skills
+from tstar_rl.config.load import recipe
+from tstar_rl.env.furniture_env import part_names
+from tstar_rl.rollouts.episodes import run_episodes
+from tstar_rl.rollouts.hand_overs import HandOvers, Seam
+from tstar_rl.rollouts.state_sets import TerminationSet
+from tstar_rl.runs.csv_tables import append_rows
+from tstar_rl.runs.run_folder import run_path
+from tstar_rl.seeds import derive_seed
+
+# Seeds of evaluation: 0 and 1 are evaluate.py's modes, 2 is hand_over.py's.
+_OWN, _CHAIN, _INFLUENCE = 3, 4, 5
+
+
+@recipe("hand_over_gap", checkpoint=str, floors=tuple[float, ...], influence_starts=int, influence_times=int)
+def main(config: DictConfig) -> None:
+    """Measures one chain, writes and prints both tables."""
+    place, skills = Path(config.results_dir) / config.task.name, _skills(config)
+    chain = {"system": config.system, "seed": config.seed, "checkpoint": config.checkpoint}
+    own = [_own_successes(config, index, skill) for index, skill in enumerate(skills)]
+    parts = part_names(config.task.name)
+    found = _influences(config, skills) if config.influence_starts else [None] * (len(skills) - 1)
+    progress, seams = _run_chain(config, skills)
+    rows = [chain | {"floor": 0.0} | _row(config, own, progress)]
+    lines = [chain | _seam_row(each, parts, some) for each, some in zip(seams, found, strict=True)]
+    for floor in sorted(config.floors):
+        raised = sum(skill.normalizer.raise_to(floor) for skill in skills)
+        progress, _ = _run_chain(config, skills)
+        rows.append(chain | {"floor": floor, "raised_inputs": raised} | _row(config, own, progress))
+    key = ("system", "seed", "checkpoint")
+    for file, new, more in (("hand_over_gap.csv", rows, "floor"), ("seams.csv", lines, "subtask")):
+        print(append_rows(place / file, new, (*key, more)).round(3).to_string(index=False))
+
+
+def _skills(config: DictConfig) -> list[Skill]:
+    if config.system == "no_finetuning":
+        return load_skills(config, config.checkpoint)
+    run = run_path(config.runs_dir, config.task.name, config.system, config.seed)
+    return [skill.to(config.device) for skill in load_chain(run / config.checkpoint, task=config.task.name)]
+
+
+def _own_successes(config: DictConfig, index: int, skill: Skill) -> int:
+    """Successes of a skill from its own starts."""
+    env = environment(
+        config, index, config.evaluation.episodes, derive_seed(config.seed, "evaluate", _OWN, index)
+    )
+    with set_exploration_type(ExplorationType.DETERMINISTIC):
+        last = run_episodes(env, skill.policy)
+    env.close()
+    return int(last["next", "success"].sum())
+
+
+def _run_chain(config: DictConfig, skills: Sequence[Skill]) -> tuple[np.ndarray, list[Seam]]:
+    """Progress of each episode of the whole chain, and its seams; always from the same starts."""
+    number, links = config.evaluation.whole_episodes, len(skills)
+    env = environment(config, None, number, derive_seed(config.seed, "evaluate", _CHAIN))
+    watch = HandOvers(links)
+    with set_exploration_type(ExplorationType.DETERMINISTIC):
+        last = run_episodes(env, ChainPolicy(skills).to(config.device), watch, enough=links)
+    env.close()
+    done = last["next", "completed"].squeeze(-1).clamp(max=links).double() / links
+    return done.cpu().numpy(), watch.seams()
+
+
+def _row(config: DictConfig, own: Sequence[int], progress: np.ndarray) -> dict[str, Any]:
+    """Own success, product, progress and gap, with intervals."""
+    episodes, rng = config.evaluation.episodes, np.random.default_rng(0)
+    row: dict[str, Any] = {"episodes": episodes, "whole_episodes": len(progress)}
+    row |= {f"own_{index}": successes / episodes for index, successes in enumerate(own)}
+    row |= _columns("product", product_interval(own, episodes, rng))
+    row |= _columns("progress", chain_interval(progress, rng))
+    return row | _columns("gap", gap_interval(own, episodes, progress, rng))
+
+
+def _columns(name: str, found: Interval) -> dict[str, float]:
+    return {name: found.value, f"{name}_low": found.low, f"{name}_high": found.high}
+
+
+def _seam_row(seam: Seam, parts: Sequence[str], influence: Influence | None) -> dict[str, Any]:
+    """What a skill is handed, how well that tells its outcome, by what, and how much the skill before decides."""
+    won = seam.succeeded
+    decision = what_decides(seam.observations, won, input_groups(parts))
+    row: dict[str, Any] = {"subtask": seam.subtask, "states": len(won)}
+    row |= {"succeeded": float(won.double().mean()) if len(won) else math.nan, "area": decision.area}
+    row |= {f"fall {name}": fall for name, fall in decision.falls.items()}
+    row["strongest"], row["strongest_area"] = strongest_input(seam.observations, won, input_names(parts))
+    known = influence or Influence(0, math.nan, math.nan)
+    return row | {
+        "influence_starts": known.starts,
+        "succeeded_sampled": known.succeeded,
+        "within": known.within,
+    }
+
+
+def _influences(config: DictConfig, skills: Sequence[Skill]) -> list[Influence | None]:
+    """Of each seam; None from the first on that nothing reaches."""
+    make = partial(_env_from, config)
+    env = _env_from(config, 0, config.influence_starts, None)
+    starts: TensorDictBase = env.reset().select("observation", "snapshot")
+    env.close()
+    found: list[Influence | None] = []
+    for index in range(len(skills) - 1):
+        if not starts.batch_size[0]:
+            found.append(None)
+            continue
+        torch.manual_seed(derive_seed(config.seed, "evaluate", _INFLUENCE, index))
+        both = skills[index].policy, skills[index + 1].policy
+        found.append(influence_of(make, both, index, starts, config.influence_times))
+        starts = _ends(make, index, skills[index], starts)
+    return found
+
+
+def _ends(make: Callable, index: int, skill: Skill, starts: TensorDictBase) -> TensorDictBase:
+    """The states in which a skill ends from these starts, deterministic actions."""
+    env = make(index, starts.batch_size[0], Repeated(starts))
+    with set_exploration_type(ExplorationType.DETERMINISTIC):
+        last = run_episodes(env, skill.policy)
+    env.close()
+    reached = TerminationSet(starts.batch_size[0])
+    reached.extend_from(last)
+    return reached.all()
+
+
+def _env_from(config: DictConfig, index: int, number: int, starts: TerminationSet | None) -> Any:
+    """Simulations of a subtask that all begin in `starts`, with snapshots; None: the environment's own starts."""
+    seed = derive_seed(config.seed, "evaluate", _INFLUENCE, index)
+    return environment(config, index, number, seed, starts, snapshots=True, shares={"buffer": 1.0})
+
+
+if __name__ == "__main__":
+    main()

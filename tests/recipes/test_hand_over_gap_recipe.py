@@ -1,0 +1,63 @@
+"""The recipe that measures a hand-over gap, on a chain whose gap and its cause are known."""
+
+import runpy
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from hydra import compose, initialize_config_dir
+from point_chain import PointChain, make_skills
+
+from tstar_rl.config.load import CONFIGS
+from tstar_rl.env import furniture_env
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture
+def measure(tmp_path, monkeypatch):
+    """Runs the recipe on the point's skills; returns its two tables."""
+    make_skills(tmp_path)
+    monkeypatch.setattr(furniture_env, "FurnitureEnv", PointChain)
+
+    def run(*values: str) -> tuple[pd.DataFrame, pd.DataFrame]:
+        places = [f"{place}_dir={tmp_path / place}" for place in ("results", "runs")]
+        with initialize_config_dir(str(CONFIGS), version_base="1.3"):
+            config = compose(
+                "recipe/hand_over_gap", [*places, "+env.max_steps=20", "progress_bar=false", *values]
+            )
+        runpy.run_path(str(ROOT / "recipes/hand_over_gap.py"))["main"].__wrapped__(config)
+        folder = tmp_path / "results/table_lack"
+        return pd.read_csv(folder / "hand_over_gap.csv"), pd.read_csv(folder / "seams.csv")
+
+    return run
+
+
+def test_gap_floors_cause_and_influence_of_a_chain_that_fails_where_y_is_negative(measure):
+    """Each skill succeeds from its own starts; half of the ends of skill 0 have y < 0, where skill 1 fails for good."""
+    gaps, seams = measure("floors=[5.0, 0.01]")
+    assert gaps.floor.tolist() == [0.0, 0.01, 5.0]
+    trained = gaps.iloc[0]
+    assert trained[["own_0", "own_1", "own_2", "own_3"]].tolist() == [1.0] * 4
+    assert trained["product"] == 1.0
+    assert trained.gap == pytest.approx(1.0 - trained.progress)
+    assert 0.30 < trained.gap_low < 0.375 < trained.gap_high < 0.45  # 3/4 of a half
+    assert gaps.progress.nunique() == 1, "the skills do not look at their inputs: no floor changes anything"
+    assert gaps.raised_inputs.tolist()[1:] == [0, 4 * 72]
+    first = seams.set_index("subtask").loc[1]
+    assert first.succeeded == pytest.approx(0.5, abs=0.07)
+    assert first.area > 0.95
+    assert (first.strongest, first.strongest_area) == ("joint 1", 1.0), "y"
+    assert first["fall robot"] > 0.3, "x and y are the first two numbers, the robot's"
+    assert abs(first["fall leg_2 position"]) < 0.02
+    assert first.influence_starts == 32
+    assert first.within < 0.5, "a step moves y by a tenth: where it began has decided it"
+    assert seams.set_index("subtask").loc[2].succeeded == 1.0
+
+
+def test_a_second_run_replaces_its_own_rows_and_leaves_others(measure):
+    few = ("evaluation.episodes=8", "evaluation.whole_episodes=8", "influence_starts=0", "floors=[0.02]")
+    first, _ = measure(*few)
+    again, seams = measure(*few)
+    pd.testing.assert_frame_equal(first, again)
+    assert seams.influence_starts.tolist() == [0, 0, 0]

@@ -1,0 +1,82 @@
+"""The hand-over gap of one chain with its interval: what its skills would do, less what they do.
+
+Source: docs/experiments/regimes.md.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tstar_rl.analysis.experiments import product_of_skills
+from tstar_rl.analysis.statistics import RESAMPLES, Interval
+
+__all__ = ["chain_interval", "gap_interval", "product_interval"]
+
+
+def product_interval(
+    successes: Sequence[int], episodes: int, rng: np.random.Generator, resamples: int = RESAMPLES
+) -> Interval:
+    """Progress of a chain whose skills succeed as often from where the one before ends as from their own starts.
+
+    Args:
+        successes: of each skill from its own starts, in order.
+        episodes: of each skill.
+        rng: draws episodes with replacement, those of each skill apart.
+        resamples: of the bootstrap.
+    """
+    shares = np.asarray(successes, dtype=float) / _number(episodes)
+    return _interval(product_of_skills(list(shares)), _products(shares, episodes, rng, resamples))
+
+
+def chain_interval(progress: ArrayLike, rng: np.random.Generator, resamples: int = RESAMPLES) -> Interval:
+    """Mean progress (episodes,) of a chain, episodes drawn with replacement."""
+    values = np.asarray(progress, dtype=float)
+    _number(values.size)
+    return _interval(float(values.mean()), _means(values, rng, resamples))
+
+
+def gap_interval(
+    successes: Sequence[int],
+    episodes: int,
+    progress: ArrayLike,
+    rng: np.random.Generator,
+    resamples: int = RESAMPLES,
+) -> Interval:
+    """The product less the chain's progress; the episodes of both are drawn apart from each other.
+
+    Args:
+        successes, episodes: see `product_interval`.
+        progress: (episodes,) of the chain, each the share of its subtasks that was done.
+        rng: draws the episodes.
+        resamples: of the bootstrap.
+    """
+    shares, values = np.asarray(successes, dtype=float) / _number(episodes), np.asarray(progress, dtype=float)
+    _number(values.size)
+    draws = _products(shares, episodes, rng, resamples) - _means(values, rng, resamples)
+    return _interval(product_of_skills(list(shares)) - float(values.mean()), draws)
+
+
+def _products(
+    shares: NDArray[np.floating], episodes: int, rng: np.random.Generator, resamples: int
+) -> NDArray[np.floating]:
+    """(resamples,)."""
+    drawn = rng.binomial(episodes, shares, size=(resamples, len(shares))) / episodes
+    return drawn.cumprod(-1).mean(-1)
+
+
+def _means(values: NDArray[np.floating], rng: np.random.Generator, resamples: int) -> NDArray[np.floating]:
+    """(resamples,)."""
+    known, counts = np.unique(values, return_counts=True)
+    return rng.multinomial(values.size, counts / values.size, size=resamples) @ known / values.size
+
+
+def _interval(value: float, draws: NDArray[np.floating]) -> Interval:
+    low, high = np.quantile(draws, (0.025, 0.975))
+    return Interval(value, float(low), float(high))
+
+
+def _number(episodes: int) -> int:
+    if episodes < 1:
+        raise ValueError(f"a hand-over gap needs at least one episode, got {episodes}")
+    return episodes

@@ -1,0 +1,64 @@
+"""What the skills of a chain hand to each other: the state at each seam, and whether the next skill then succeeded."""
+
+from typing import NamedTuple
+
+import torch
+from tensordict import TensorDictBase
+from torch import Tensor
+
+__all__ = ["HandOvers", "Seam"]
+
+
+class Seam(NamedTuple):
+    """The states in which one skill of a chain ended and the next began."""
+
+    subtask: int
+    """Of the skill that begins here, 1 to K - 1."""
+    observations: Tensor
+    """(n, O), of the episodes that came so far, in the order of their simulations."""
+    succeeded: Tensor
+    """(n,) bool, whether the skill that begins here did its subtask."""
+
+
+class HandOvers:
+    """Remembers the states in which subtasks were done, to be called with every step of `run_episodes` of a whole task.
+
+    Args:
+        links: skills of the chain.
+
+    Raises:
+        ValueError: if there are fewer than two.
+    """
+
+    def __init__(self, links: int) -> None:
+        if links < 2:
+            raise ValueError(f"hand-overs need a chain of at least two skills, got {links}")
+        self.links = links
+        self._completed: Tensor | None = None
+        self._states: list[Tensor] = []
+
+    def __call__(self, tensordict: TensorDictBase) -> None:
+        """Takes the step's TensorDict, batch [N]."""
+        before, after = (each["completed"].squeeze(-1) for each in (tensordict, tensordict["next"]))
+        found = tensordict["next", "observation"]
+        if self._completed is None:
+            self._completed = torch.zeros_like(after)
+            self._states = [torch.zeros_like(found) for _ in range(self.links - 1)]
+        for done, states in enumerate(self._states, start=1):
+            rows = (before < done) & (after >= done)
+            states[rows] = found[rows]
+        self._completed = torch.maximum(self._completed, after)
+
+    def seams(self) -> list[Seam]:
+        """One for each pair of neighbouring skills, in order; a seam that no episode reached has no states.
+
+        Raises:
+            ValueError: if no step was taken.
+        """
+        if self._completed is None:
+            raise ValueError("no step was taken yet: give this to run_episodes as each_step")
+        found = []
+        for subtask, states in enumerate(self._states, start=1):
+            came = self._completed >= subtask
+            found.append(Seam(subtask, states[came], self._completed[came] > subtask))
+        return found
