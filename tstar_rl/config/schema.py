@@ -57,6 +57,8 @@ class TrainingSection:
     total_steps: int
     max_steps: int
     checkpoint_every: int
+    demonstration_starts: float
+    """Share of the episodes that begin in a state of the demonstrations, drawn uniformly."""
 
 
 @dataclass(frozen=True)

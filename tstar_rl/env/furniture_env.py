@@ -75,7 +75,8 @@ class FurnitureEnv(EnvBase):
     key, the unscaled `reward_env` (N, 1). With `snapshots=True` also `snapshot`, from which the simulations restart.
     The success row of a subtask holds the state in which the next subtask begins.
 
-    `reset` accepts injected starts: `("start", "snapshot")`, batch [N], and `("start", "use")` (N, 1) bool.
+    `reset` accepts injected starts: `("start", "snapshot")`, batch [N], and `("start", "use")` (N, 1) bool. A new episode
+    begins there, at the beginning of a subtask; with `("start", "goes_on")` (N, 1) the snapshot's own episode goes on.
     `step` accepts TorchRL's `_step` (N,) bool: simulations left out of it stay as they are and are paid 0.
 
     Args:
@@ -253,7 +254,12 @@ class FurnitureEnv(EnvBase):
         if bool((mask & ~injected).any()):
             self.world.reset(mask & ~injected)
         if bool(injected.any()):
-            self.world.reset_to(tensordict["start", "snapshot"], injected)
+            start = tensordict["start"]
+            within = injected & start.get("goes_on", torch.zeros_like(start["use"])).reshape(self.num_envs)
+            if bool(within.any()):
+                self.world.restore(start["snapshot"], within)
+            if bool((injected & ~within).any()):
+                self.world.reset_to(start["snapshot"], injected & ~within)
         running = torch.zeros(self.num_envs, 1, dtype=torch.bool, device=self.device)
         return self._observe().update({name: running.clone() for name in _DONE_KEYS})
 
