@@ -177,6 +177,16 @@ def make_collection(
     return RayCollection(make, policy, *sizes, seed, before, settings(ClusterSettings, config.cluster))
 
 
+def _demonstration_starts(config: DictConfig, expert: Demonstrations) -> DemonstrationStarts | None:
+    training = config.training
+    if training.demonstration_starts == 0:
+        return None
+    if training.demonstration_steps is None:
+        return DemonstrationStarts(expert)
+    limit = training.max_steps * (config.task.subtasks if config.subtask is None else 1)
+    return DemonstrationStarts(expert, limit - training.demonstration_steps)
+
+
 def training_settings(config: DictConfig, **ppo: Any) -> TrainingSettings:
     """What is done to a skill in training; `ppo` are values that stand in the place of the section's."""
     exploration, normalizer = config.exploration, config.normalizer
@@ -200,7 +210,7 @@ def skill_training(config: DictConfig) -> SkillTraining:
     def save(name: str, env_steps: int) -> None:
         skill.save(run.work / name, recipe=config.system, env_steps=env_steps)
 
-    starts = DemonstrationStarts(expert) if config.training.demonstration_starts > 0 else None
+    starts = _demonstration_starts(config, expert)
     collection = make_collection(config, skill.policy, subtask, seed, starts=starts)
     return SkillTraining(
         skill, expert, run, training_settings(config), collection, seed,

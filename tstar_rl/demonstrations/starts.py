@@ -11,17 +11,21 @@ __all__ = ["DemonstrationStarts"]
 class DemonstrationStarts:
     """Draws states of demonstrations, uniformly over all their steps, with replacement.
 
-    An episode that begins there goes on from what the demonstration had done: its phase, its step count and its time
-    limit. So a policy sees the later phases before it can reach them.
+    An episode that begins there goes on from what the demonstration had done: the phase, and what was paid. So a policy
+    sees the later phases before it can reach them. Short episodes see more of them: one that is stuck ends soon.
 
     Args:
         demonstrations: whose snapshots are drawn.
+        step_count: that they are given, so that the time limit leaves (limit - step_count) steps. None: their own.
 
     Source: Peng et al. 2018, DeepMimic, "reference state initialization"; Nair et al. 2018, "resets".
     """
 
-    def __init__(self, demonstrations: Demonstrations) -> None:
+    def __init__(self, demonstrations: Demonstrations, step_count: int | None = None) -> None:
         self.snapshots = demonstrations.snapshots
+        if step_count is not None:
+            self.snapshots = self.snapshots.clone()
+            self.snapshots["task", "episode_step"].fill_(step_count)
 
     def sample(self, n: int, generator: torch.Generator) -> TensorDictBase:
         """n snapshots, batch size [n]."""
