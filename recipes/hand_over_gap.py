@@ -31,7 +31,7 @@ from tstar_rl.chaining.what_decides import input_groups, input_names, strongest_
 from tstar_rl.config.build import environment
 from tstar_rl.config.chain import load_skills
 from tstar_rl.config.load import recipe
-from tstar_rl.env.furniture_env import part_names
+from tstar_rl.env.task_tables import part_names
 from tstar_rl.rollouts.episodes import run_episodes
 from tstar_rl.rollouts.hand_overs import HandOvers, Seam
 from tstar_rl.rollouts.state_sets import TerminationSet

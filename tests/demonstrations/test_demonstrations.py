@@ -9,9 +9,11 @@ import torch
 from omegaconf import OmegaConf
 from tensordict import TensorDict
 
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.build import load_demonstrations
 from tstar_rl.demonstrations.data_set import Demonstrations
 from tstar_rl.demonstrations.file_check import DemonstrationError
+from tstar_rl.demonstrations.starts import DemonstrationStarts
 
 
 @pytest.fixture
@@ -47,6 +49,18 @@ def test_they_come_back(demonstrations, path):
         assert torch.equal(getattr(back, name), getattr(demonstrations, name))
     assert (back.snapshots == demonstrations.snapshots).all()
     assert [file.name for file in path.parent.iterdir()] == ["some.npz"]
+
+
+def test_starts_are_drawn_from_every_step_of_every_episode(demonstrations):
+    starts = DemonstrationStarts(demonstrations)
+    drawn = starts.sample(700, torch.Generator().manual_seed(0))
+    counts = drawn["task", "phase"].bincount(minlength=7)
+    assert drawn.batch_size == (700,) and counts.min() > 60 and counts.max() < 140
+    row = demonstrations.snapshots[int(drawn["task", "phase"][0])]
+    assert torch.equal(drawn["physics"][0], row["physics"])
+    demonstrations.snapshots = TensorDict({}, [7])
+    with pytest.raises(InvalidValueError, match="demonstration_starts needs demonstrations with full states"):
+        DemonstrationStarts(demonstrations)
 
 
 def test_those_of_another_world_are_refused_unless_they_may_differ(demonstrations, tmp_path):

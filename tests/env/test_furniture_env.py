@@ -109,6 +109,26 @@ def test_only_resetting_rows_take_an_injected_start():
     assert not torch.equal(moved[1:], start[1:])
 
 
+def test_an_injected_start_begins_a_new_episode_or_goes_on_with_its_own():
+    env = make(2, max_steps=20)
+    tensordict, expert = env.reset(), env.expert()
+    for _ in range(12):
+        tensordict = env.step_mdp(env.step(expert(tensordict)))
+    before, snapshot = tensordict.clone(), env.snapshot()
+    assert (before["phase"] > 1).all()
+    every = torch.ones(2, 1, dtype=torch.bool)
+    goes_on = torch.tensor([[True], [False]])
+    start = TensorDict({"snapshot": snapshot, "use": every, "goes_on": goes_on}, [2])
+    tensordict = env.reset(TensorDict({"start": start}, [2]))
+    torch.testing.assert_close(tensordict["observation"][0], before["observation"][0])
+    assert tensordict["phase"].flatten().tolist() == [int(before["phase"][0]), 1]
+    ends = torch.zeros(2, dtype=torch.int64)
+    for step in range(1, 21):
+        truncated = env.step(still(env))["next", "truncated"].flatten()
+        ends[(ends == 0) & truncated] = step
+    assert ends.tolist() == [8, 20], "the time limit of an episode that goes on is what its own has left"
+
+
 def test_the_expert_can_start_anywhere_and_finishes_from_as_met():
     step = until_success(make(4, snapshots=True))["next"]
     row = int(step["success"].flatten().nonzero()[0])

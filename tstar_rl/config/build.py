@@ -15,6 +15,8 @@ from tstar_rl.chaining.training import SkillTraining, TrainingSettings
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.demonstrations import demonstrations_path, load_demonstrations
 from tstar_rl.config.load import plain, settings
+from tstar_rl.demonstrations.data_set import Demonstrations
+from tstar_rl.demonstrations.starts import DemonstrationStarts
 from tstar_rl.models.exploration import Exploration
 from tstar_rl.rollouts.cluster import ClusterSettings
 from tstar_rl.rollouts.collection import Collection, with_starts
@@ -25,6 +27,7 @@ from tstar_rl.runs import checkpoint
 from tstar_rl.runs.run import Run
 from tstar_rl.seeds import derive_seed
 from tstar_rl.spirl import LatentModelSettings, SpirlAgent
+from tstar_rl.transforms.skill_chain_reset import Starts
 from tstar_rl.updates import BehaviourCloningSettings, PPOSettings
 
 __all__ = [
@@ -48,6 +51,7 @@ def environment(
     before: TerminationSet | None = None,
     snapshots: bool = False,
     shares: Mapping[str, float] | None = None,
+    starts: Starts | None = None,
     **overrides: Any,
 ) -> TransformedEnv:
     """The furniture environment of a config with the transforms of training.
@@ -61,6 +65,7 @@ def environment(
             chain.starts, or in `shares`.
         snapshots: whether each step has one.
         shares: of the sources of starts, by name.
+        starts: without `before`: training.demonstration_starts of the episodes begin in states drawn from these.
         **overrides: settings of the task.
     """
     from tstar_rl.env.furniture_env import FurnitureEnv
@@ -69,13 +74,13 @@ def environment(
     where = {"nthread": config.nthread, "device": config.device, "physics": config.physics}
     env = FurnitureEnv(config.task.name, num_envs, subtask, seed=seed, snapshots=snapshots, **where, **values)
     if before is None:
-        return with_starts(env)
+        return with_starts(env, starts, config.training.demonstration_starts, seed, goes_on=True)
     return with_starts(env, *make_starts(shares or plain(config.chain.starts), env, before), seed)
 
 
 def new_skill(config: DictConfig, subtask: int | None) -> Skill:
     """An untrained skill, its weights drawn with the run's seed."""
-    from tstar_rl.env.furniture_env import observation_dim, subtask_geometry
+    from tstar_rl.env.task_tables import observation_dim, subtask_geometry
 
     networks = settings(NetworkSettings, config.networks)
     features = None
@@ -93,7 +98,7 @@ def new_skill(config: DictConfig, subtask: int | None) -> Skill:
 
 def new_spirl_agent(config: DictConfig, subtask: int | None) -> SpirlAgent:
     """An untrained agent of SPiRL, its weights drawn with the run's seed."""
-    from tstar_rl.env.furniture_env import observation_dim, subtask_geometry
+    from tstar_rl.env.task_tables import observation_dim, subtask_geometry
 
     geometry = None
     if config.networks.features:
@@ -118,6 +123,7 @@ def make_collection(
     seed: int,
     before: TerminationSet | None = None,
     snapshots: bool = False,
+    starts: Starts | None = None,
 ) -> Collection | RayCollection:
     """Rollouts for training, by collection.backend: "local", in this process, or "ray", by workers of a cluster.
 
@@ -128,6 +134,7 @@ def make_collection(
         seed: of starts and, on a cluster, of actions.
         before: termination set of the skill before, if episodes begin in the shares of chain.starts.
         snapshots: whether each step has one.
+        starts: see `environment`.
 
     Raises:
         ValueError: if the backend is neither.
@@ -135,11 +142,23 @@ def make_collection(
     training, backend = config.training, config.collection.backend
     if backend not in ("local", "ray"):
         raise InvalidValueError(f"collection.backend must be local or ray, got {backend!r}")
-    make = partial(environment, config, subtask, snapshots=snapshots, max_steps=training.max_steps)
+    make = partial(
+        environment, config, subtask, snapshots=snapshots, starts=starts, max_steps=training.max_steps
+    )
     if backend == "local":
         return Collection(make(training.num_envs, seed, before), policy, training.horizon)
     sizes = (training.num_envs, training.horizon, config.collection.workers)
     return RayCollection(make, policy, *sizes, seed, before, settings(ClusterSettings, config.cluster))
+
+
+def _demonstration_starts(config: DictConfig, expert: Demonstrations) -> DemonstrationStarts | None:
+    training = config.training
+    if training.demonstration_starts == 0:
+        return None
+    if training.demonstration_steps is None:
+        return DemonstrationStarts(expert)
+    limit = training.max_steps * (config.task.subtasks if config.subtask is None else 1)
+    return DemonstrationStarts(expert, limit - training.demonstration_steps)
 
 
 def training_settings(config: DictConfig, **ppo: Any) -> TrainingSettings:
@@ -165,7 +184,8 @@ def skill_training(config: DictConfig) -> SkillTraining:
     def save(name: str, env_steps: int) -> None:
         skill.save(run.work / name, recipe=config.system, env_steps=env_steps)
 
-    collection = make_collection(config, skill.policy, subtask, seed)
+    starts = _demonstration_starts(config, expert)
+    collection = make_collection(config, skill.policy, subtask, seed, starts=starts)
     return SkillTraining(
         skill, expert, run, training_settings(config), collection, seed,
         warm_start=settings(BehaviourCloningSettings, config.bc) if config.warm_start else None,

@@ -41,7 +41,7 @@ def load_demonstrations(config: DictConfig, subtask: int | None) -> Demonstratio
         MissingFileError: there is no file.
         DemonstrationError: something in the file is wrong, or it is of another task, subtask or settings.
     """
-    from tstar_rl.env.furniture_env import DEFAULT_SETTINGS
+    from tstar_rl.env.task_tables import DEFAULT_SETTINGS
 
     given = config.demonstrations.get("file")
     if given is None:

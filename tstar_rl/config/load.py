@@ -110,7 +110,7 @@ def _check_what_the_library_declares(values: dict[str, Any]) -> None:
     """The part of `check_config` that needs TorchRL."""
     from torch import nn
 
-    from tstar_rl.env.furniture_env import check_task
+    from tstar_rl.env.task_tables import check_task
     from tstar_rl.rollouts.starts import check_shares
     from tstar_rl.transforms import RewardMixture, TerminalStateReward
 

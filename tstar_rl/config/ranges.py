@@ -23,6 +23,7 @@ LEAST = {
     "training.total_steps": 0,
     "training.max_steps": 1,
     "training.checkpoint_every": 1,
+    "training.demonstration_steps": 1,
     "chain.rounds": 0,
     "chain.steps_per_turn": 1,
     "chain.capacity": 1,
@@ -55,6 +56,7 @@ KINDS_OF_NUMBERS = {
     "minutes": "positive",
     "noise": "not_negative",
     "demonstrations.noise": "not_negative",
+    "training.demonstration_starts": "share",
     "bonus": "share",
 }
 """Of each other number, its kind: see `checks.RANGES`."""

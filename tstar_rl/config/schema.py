@@ -74,6 +74,10 @@ class TrainingSection:
     total_steps: int
     max_steps: int
     checkpoint_every: int
+    demonstration_starts: float
+    """Share of the episodes that begin in a state of the demonstrations, drawn uniformly."""
+    demonstration_steps: int | None
+    """Steps after which such an episode is truncated; None: after those that the demonstration's own had left."""
 
 
 @dataclass(frozen=True)

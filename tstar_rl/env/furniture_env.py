@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -14,62 +13,15 @@ from torch import Tensor
 from torchrl.data import Binary, Bounded, Categorical, Composite, Unbounded
 from torchrl.envs import EnvBase
 
-from tstar_envs import geometry, player, rendering
+from tstar_envs import player, rendering
 from tstar_envs.environment import BatchedEnvironment
-from tstar_envs.furniture import library
 from tstar_envs.settings import TaskSettings
 from tstar_envs.tasks.actions import NUM_ACTIONS
 from tstar_envs.tasks.phase_reward import PHASES
-from tstar_envs.tasks.recipe_tables import RecipeTables
-from tstar_rl.env.layout import observation_size
 from tstar_rl.env.specs import spec_of
+from tstar_rl.env.task_tables import table_geometry
 
-DEFAULT_SETTINGS: dict[str, Any] = asdict(TaskSettings())
-"""The settings of a task by name, where nothing is said about them."""
 _DONE_KEYS = ("done", "terminated", "truncated")
-
-
-def check_task(name: str, subtasks: int, settings: Mapping[str, Any]) -> None:
-    """Raises a ValueError for an unknown task, a wrong number of subtasks, or an unknown setting."""
-    TaskSettings.from_mapping(settings)
-    if (steps := len(library.load(name).steps)) != subtasks:
-        raise ValueError(f"task.subtasks of {name} must be {steps}, the steps of its recipe, got {subtasks}")
-
-
-def observation_dim(task: str) -> int:
-    """Numbers in an observation of a task."""
-    return observation_size(len(library.load(task).parts))
-
-
-def part_names(task: str) -> tuple[str, ...]:
-    """The parts of a task, in the order of the observation."""
-    return library.load(task).part_names
-
-
-def subtask_geometry(task: str, subtask: int) -> dict[str, Any]:
-    """What `RelativeFeatures` needs to know of a subtask: part indices, connectors, grasp. Builds no simulator.
-
-    Raises:
-        ValueError: if the task has no such subtask.
-    """
-    furniture = library.load(task)
-    if not 0 <= subtask < len(furniture.steps):
-        raise ValueError(f"subtask of {task} must be in 0..{len(furniture.steps) - 1}, got {subtask}")
-    return _geometry(RecipeTables(furniture, torch.device("cpu")), subtask)
-
-
-def _geometry(tables: RecipeTables, subtask: int) -> dict[str, Any]:
-    def figures(table: Tensor) -> Tensor:
-        return table[subtask].float().cpu()  # a network is built there, and moved afterwards
-
-    return {
-        "moving_part": int(tables.moving[subtask]),
-        "target_part": int(tables.target[subtask]),
-        "moving_connector": figures(tables.moving_connector),
-        "target_connector": figures(tables.target_connector),
-        "grasp": torch.cat([figures(tables.grasp_point), geometry.frame_with_x(figures(tables.grasp_axis))]),
-        "allowed_angles": figures(tables.allowed_angles),
-    }
 
 
 class FurnitureEnv(EnvBase):
@@ -80,7 +32,8 @@ class FurnitureEnv(EnvBase):
     key, the unscaled `reward_env` (N, 1). With `snapshots=True` also `snapshot`, from which the simulations restart.
     The success row of a subtask holds the state in which the next subtask begins.
 
-    `reset` accepts injected starts: `("start", "snapshot")`, batch [N], and `("start", "use")` (N, 1) bool.
+    `reset` accepts injected starts: `("start", "snapshot")`, batch [N], and `("start", "use")` (N, 1) bool. A new
+    episode begins there, at the beginning of a subtask; with `("start", "goes_on")` (N, 1) the snapshot's own goes on.
     `step` accepts TorchRL's `_step` (N,) bool: simulations left out of it stay as they are and are paid 0.
 
     Args:
@@ -165,7 +118,7 @@ class FurnitureEnv(EnvBase):
 
     def features(self, subtask: int) -> dict[str, Any]:
         """See `subtask_geometry`."""
-        return _geometry(self.world.task.tables, subtask)
+        return table_geometry(self.world.task.tables, subtask)
 
     def write_mp4(self, path: str | Path, positions: Tensor) -> bool:
         """Films joint positions (T, nq); False, after one warning, where nothing can draw."""
@@ -258,7 +211,12 @@ class FurnitureEnv(EnvBase):
         if bool((mask & ~injected).any()):
             self.world.reset(mask & ~injected)
         if bool(injected.any()):
-            self.world.reset_to(tensordict["start", "snapshot"], injected)
+            start = tensordict["start"]
+            within = injected & start.get("goes_on", torch.zeros_like(start["use"])).reshape(self.num_envs)
+            if bool(within.any()):
+                self.world.restore(start["snapshot"], within)
+            if bool((injected & ~within).any()):
+                self.world.reset_to(start["snapshot"], injected & ~within)
         running = torch.zeros(self.num_envs, 1, dtype=torch.bool, device=self.device)
         return self._observe().update({name: running.clone() for name in _DONE_KEYS})
 

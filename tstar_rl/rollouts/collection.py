@@ -28,13 +28,20 @@ COLLECTOR: dict[str, Any] = {
 
 
 def with_starts(
-    env: EnvBase, starts: Starts | None = None, probability: float = 0.8, seed: int = 0
+    env: EnvBase,
+    starts: Starts | None = None,
+    probability: float = 0.8,
+    seed: int = 0,
+    goes_on: bool = False,
 ) -> TransformedEnv:
-    """The environment with s_0 and the step count on every row, a share of its episodes beginning in `starts`."""
+    """The environment with s_0 and the step count on every row, a share of its episodes beginning in `starts`.
+
+    See `SkillChainReset` for the arguments.
+    """
     env = TransformedEnv(env, StepCounter())
     env.append_transform(EpisodeStart())
     if starts is not None:
-        env.append_transform(SkillChainReset(starts, probability, seed))
+        env.append_transform(SkillChainReset(starts, probability, seed, goes_on))
     return env
 
 

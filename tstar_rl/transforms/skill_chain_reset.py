@@ -28,6 +28,7 @@ class SkillChainReset(Transform):
         starts: read by handle, at every reset, so it may grow meanwhile.
         probability: of a start from `starts`.
         seed: of the transform's own generator, which is part of its state.
+        goes_on: whether the episodes that the snapshots were taken in go on; by default new ones begin there.
 
     Raises:
         ValueError: if the probability is not in [0, 1].
@@ -35,12 +36,15 @@ class SkillChainReset(Transform):
     Source: the paper, algorithm 1 line 9; 80% and 20% from its appendix C.
     """
 
-    def __init__(self, starts: Starts, probability: float = 0.8, seed: int = 0) -> None:
+    def __init__(
+        self, starts: Starts, probability: float = 0.8, seed: int = 0, goes_on: bool = False
+    ) -> None:
         if not 0.0 <= probability <= 1.0:
             raise ValueError(f"probability must be in [0, 1], got {probability}")
         super().__init__(in_keys=[], out_keys=["start_chained"])
         self.starts = starts
         self.probability = probability
+        self.goes_on = goes_on
         self.generator = torch.Generator().manual_seed(seed)
         self.draws = {"environment": 0, "chained": 0}
         self._chained = torch.zeros(0, 1, dtype=torch.bool)
@@ -87,7 +91,10 @@ class SkillChainReset(Transform):
         self.draws["environment"] += int(rows.sum()) - count
         drawn = drawn.get("snapshot", drawn)
         row_of = (use.cumsum(0) - 1).clamp_min(0)  # rows that do not use theirs get a copy of another's
-        return TensorDict({"snapshot": drawn[row_of.to(drawn.device)], "use": use.unsqueeze(-1)}, [len(rows)])
+        start = {"snapshot": drawn[row_of.to(drawn.device)], "use": use.unsqueeze(-1)}
+        if self.goes_on:
+            start["goes_on"] = start["use"]
+        return TensorDict(start, [len(rows)])
 
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
         """Not supported.

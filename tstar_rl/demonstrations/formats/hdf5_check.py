@@ -87,7 +87,7 @@ class _Reader:
         self.failures, self.place = failures, ""
 
     def read(self, file: Any) -> Contents:
-        from tstar_rl.env.furniture_env import observation_dim
+        from tstar_rl.env.task_tables import observation_dim
 
         if "data" not in file or not hasattr(file["data"], "attrs") or not hasattr(file["data"], "keys"):
             raise self._wrong(f"group data is missing; the file has {_listed(file)}")
@@ -100,7 +100,7 @@ class _Reader:
 
     def _environment(self, attributes: dict[str, Any]) -> tuple[str, int | None, dict[str, Any]]:
         """Task, subtask and settings of the attribute `env_args`, which it takes out."""
-        from tstar_rl.env.furniture_env import subtask_geometry
+        from tstar_rl.env.task_tables import subtask_geometry
         from tstar_rl.env.their_names import task_called
 
         self.place = ": attribute env_args of data"

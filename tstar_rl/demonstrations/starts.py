@@ -1,0 +1,41 @@
+"""States of demonstrations as the starts of episodes."""
+
+import torch
+from tensordict import TensorDictBase
+
+from tstar_rl.checks import InvalidValueError
+from tstar_rl.demonstrations.data_set import Demonstrations
+
+__all__ = ["DemonstrationStarts"]
+
+
+class DemonstrationStarts:
+    """Draws states of demonstrations, uniformly over all their steps, with replacement.
+
+    An episode that begins there goes on from what the demonstration had done: the phase, and what was paid. So a policy
+    sees the later phases before it can reach them. Short episodes see more of them: one that is stuck ends soon.
+
+    Args:
+        demonstrations: whose snapshots are drawn.
+        step_count: that they are given, so that the time limit leaves (limit - step_count) steps. None: their own.
+
+    Raises:
+        InvalidValueError: the demonstrations have no states.
+
+    Source: Peng et al. 2018, DeepMimic, "reference state initialization"; Nair et al. 2018, "resets".
+    """
+
+    def __init__(self, demonstrations: Demonstrations, step_count: int | None = None) -> None:
+        self.snapshots = demonstrations.snapshots
+        if self.snapshots.is_empty():
+            raise InvalidValueError(
+                "training.demonstration_starts needs demonstrations with full states; these have none: set it to 0"
+            )
+        if step_count is not None:
+            self.snapshots = self.snapshots.clone()
+            self.snapshots["task", "episode_step"].fill_(step_count)
+
+    def sample(self, n: int, generator: torch.Generator) -> TensorDictBase:
+        """n snapshots, batch size [n]."""
+        rows = torch.randint(self.snapshots.batch_size[0], (n,), generator=generator)
+        return self.snapshots[rows]

@@ -1,0 +1,73 @@
+"""What is known of a task without a simulator: its settings, parts and subtasks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from tstar_envs import geometry
+from tstar_envs.furniture import library
+from tstar_envs.settings import TaskSettings
+from tstar_envs.tasks.recipe_tables import RecipeTables
+from tstar_rl.env.layout import observation_size
+
+__all__ = [
+    "DEFAULT_SETTINGS",
+    "check_task",
+    "observation_dim",
+    "part_names",
+    "subtask_geometry",
+    "table_geometry",
+]
+
+DEFAULT_SETTINGS: dict[str, Any] = asdict(TaskSettings())
+"""The settings of a task by name, where nothing is said about them."""
+
+
+def check_task(name: str, subtasks: int, settings: Mapping[str, Any]) -> None:
+    """Raises a ValueError for an unknown task, a wrong number of subtasks, or an unknown setting."""
+    TaskSettings.from_mapping(settings)
+    if (steps := len(library.load(name).steps)) != subtasks:
+        raise ValueError(f"task.subtasks of {name} must be {steps}, the steps of its recipe, got {subtasks}")
+
+
+def observation_dim(task: str) -> int:
+    """Numbers in an observation of a task."""
+    return observation_size(len(library.load(task).parts))
+
+
+def part_names(task: str) -> tuple[str, ...]:
+    """The parts of a task, in the order of the observation."""
+    return library.load(task).part_names
+
+
+def subtask_geometry(task: str, subtask: int) -> dict[str, Any]:
+    """What `RelativeFeatures` needs to know of a subtask: part indices, connectors, grasp. Builds no simulator.
+
+    Raises:
+        ValueError: if the task has no such subtask.
+    """
+    furniture = library.load(task)
+    if not 0 <= subtask < len(furniture.steps):
+        raise ValueError(f"subtask of {task} must be in 0..{len(furniture.steps) - 1}, got {subtask}")
+    return table_geometry(RecipeTables(furniture, torch.device("cpu")), subtask)
+
+
+def table_geometry(tables: RecipeTables, subtask: int) -> dict[str, Any]:
+    """What `subtask_geometry` gives, read from the tables of a task."""
+
+    def figures(table: Tensor) -> Tensor:
+        return table[subtask].float().cpu()  # a network is built there, and moved afterwards
+
+    return {
+        "moving_part": int(tables.moving[subtask]),
+        "target_part": int(tables.target[subtask]),
+        "moving_connector": figures(tables.moving_connector),
+        "target_connector": figures(tables.target_connector),
+        "grasp": torch.cat([figures(tables.grasp_point), geometry.frame_with_x(figures(tables.grasp_axis))]),
+        "allowed_angles": figures(tables.allowed_angles),
+    }
