@@ -211,7 +211,7 @@ class FurnitureEnv(EnvBase):
         if bool((mask & ~injected).any()):
             self.world.reset(mask & ~injected)
         if bool(injected.any()):
-            start = tensordict["start"]
+            start: TensorDictBase = tensordict["start"]
             within = injected & start.get("goes_on", torch.zeros_like(start["use"])).reshape(self.num_envs)
             if bool(within.any()):
                 self.world.restore(start["snapshot"], within)
