@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import torch
 from tensordict import TensorDict, TensorDictBase
@@ -211,7 +211,7 @@ class FurnitureEnv(EnvBase):
         if bool((mask & ~injected).any()):
             self.world.reset(mask & ~injected)
         if bool(injected.any()):
-            start: TensorDictBase = tensordict["start"]
+            start = cast(TensorDictBase, tensordict["start"])
             within = injected & start.get("goes_on", torch.zeros_like(start["use"])).reshape(self.num_envs)
             if bool(within.any()):
                 self.world.restore(start["snapshot"], within)
