@@ -22,6 +22,10 @@ OWN = {
     "scar_like": (),
 }
 """What each recipe needs to learn within a few rollouts of three steps an episode."""
+ONE_FAST = [
+    "feasibility",
+    *(pytest.param(name, marks=pytest.mark.slow) for name in OWN if name != "feasibility"),
+]
 COLUMN = {"scar_like": "d_seams"}
 
 
@@ -43,7 +47,7 @@ def last(tmp_path, system: str):
     return tmp_path / f"runs/table_lack/{system}/seed0/last"
 
 
-@pytest.mark.parametrize("recipe", OWN)
+@pytest.mark.parametrize("recipe", ONE_FAST)
 def test_a_signal_moves_where_the_first_skill_ends(recipe, point_chain, tmp_path):
     """Paid by the signal, skill 0 steps towards y > 0; what it was before had no part in y."""
     values = (*TWO, "chain.rounds=2", "chain.steps_per_turn=4096", *OWN[recipe])
@@ -135,11 +139,13 @@ def test_both_sides_train_the_discriminator_of_a_skill(point_chain, monkeypatch)
     assert table[table.skill == 2].reward_tsr.isna().all()  # nothing comes after the last skill
 
 
-FORWARD = [("forward", "tstar"), ("forward", "feasibility")]
-BACKWARD = [("backward", recipe) for recipe in ("tstar", "policy_sequencing", *OWN)]
+BOTH = [("forward", "tstar"), ("backward", "tstar")]
+OTHERS = [("forward", "feasibility"), *(("backward", recipe) for recipe in ("policy_sequencing", *OWN))]
 
 
-@pytest.mark.parametrize(("order", "recipe"), [*FORWARD, *BACKWARD])
+@pytest.mark.parametrize(
+    ("order", "recipe"), [*BOTH, *(pytest.param(*other, marks=pytest.mark.slow) for other in OTHERS)]
+)
 def test_the_order_of_turns(order, recipe, point_chain):
     own = ("chain.path_steps=4",) if recipe == "proximity" else ()
     short = ("chain.gate=false", "chain.steps_per_turn=512", "chain.trial_every=100", "chain.rounds=2")
@@ -184,10 +190,7 @@ def test_a_rejected_turns_outcomes_are_those_of_the_skills_after(point_chain, mo
     assert table.accepted.dropna().tolist() == [0, 0] and asked == [None, 0, 1]
 
 
-SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in OWN if name != "feasibility"]
-
-
-@pytest.mark.parametrize("recipe", ["feasibility", *SLOW])
+@pytest.mark.parametrize("recipe", ONE_FAST)
 def test_a_killed_chain_goes_on_to_the_same_figures(recipe, point_chain, monkeypatch):
     """Sets, networks with inputs of their own scale, and optimisers: all come back from a checkpoint."""
     own = {"proximity": ("chain.path_steps=4",), "feasibility": ("feasibility.floor=1e-4",)}.get(recipe, ())
