@@ -24,18 +24,19 @@ from tstar_rl.launch.experiment import parse_experiment, publish, with_bonus, wi
 from tstar_rl.launch.side_by_side import Step, run_recipe, run_side_by_side
 from tstar_rl.launch.steps import is_done, step_config
 
-OWN = ("experiment", "processes", "minutes", "publish", "seeds", "tasks")
+OWN = ("experiment", "processes", "minutes", "publish", "seeds", "tasks", "arms")
 
 
 @recipe(
     "experiment", experiment=dict[str, Any] | None, processes=int, minutes=float | None, publish=bool,
-    seeds=tuple[int, ...] | None, tasks=tuple[str, ...] | None,
+    seeds=tuple[int, ...] | None, tasks=tuple[str, ...] | None, arms=tuple[str, ...] | None,
 )  # fmt: skip
 def main(config: DictConfig) -> None:
     """Runs a lane for each task and seed; a lane that waits for a bonus finds it when it gets there."""
     if config.experiment is None:
         raise InvalidValueError("say which: experiment=<name> of configs/experiment")
     declared = parse_experiment(plain(config)["experiment"])
+    declared.check_arms(config.arms or ())
     end = None if config.minutes is None else time.monotonic() + 60 * config.minutes
     given = [
         value for value in HydraConfig.get().overrides.task if value.split("=")[0].split(".")[0] not in OWN
@@ -45,7 +46,9 @@ def main(config: DictConfig) -> None:
         for task in config.tasks or declared.tasks:
             shared = [*declared.shared(task, seed), *given]
             subtasks = step_config(("gail_ppo",), shared).task.subtasks
-            lanes.append([(step[0], *shared, *step[1:]) for step in declared.steps(subtasks, seed)])
+            lanes.append(
+                [(step[0], *shared, *step[1:]) for step in declared.steps(subtasks, seed, config.arms)]
+            )
 
     composing = threading.Lock()  # Hydra composes one config at a time
 

@@ -27,8 +27,8 @@ def main(config: DictConfig) -> None:
     env = environment(config, None, chain.trial_episodes, seed, max_steps=chain.trial_max_steps)
     trial = run_trial(skills, env, chain.path_steps)
     for index, (skill, found) in enumerate(zip(skills, trial.skills, strict=True)):
-        run.log(trial.steps, skill=index, widened_inputs=skill.normalizer.widen(found.path.states))
-    save_chain(skills, run.work / "last", recipe=config.system, env_steps=trial.steps)
+        run.log(trial.steps(), skill=index, widened_inputs=skill.normalizer.widen(found.path.states))
+    save_chain(skills, run.work / "last", recipe=config.system, env_steps=trial.steps())
     run.finish()
 
 

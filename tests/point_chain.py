@@ -129,6 +129,8 @@ class PointChain(EnvBase):
             use = rows & start["use"].squeeze(-1)
             self.physics[use] = start["snapshot", "physics"][use]
             self.now[use] = start["snapshot", "task", "subtask"][use]
+            if "goes_on" in start:
+                self.completed[use] = self.now[use]
             assert self.subtask is None or bool((self.now[use] == self.subtask).all())
         no = torch.zeros(n, dtype=torch.bool)
         return self._out(no, no, no)

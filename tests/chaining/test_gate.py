@@ -6,16 +6,17 @@ from copy import deepcopy
 import pandas as pd
 import pytest
 import torch
-from point_chain import PointChain, make_skills
+from point_chain import make_skills
+from tensordict import TensorDict
 
 from tstar_rl.chaining.calibration import area_under_curve
 from tstar_rl.chaining.chain import load_chain
 from tstar_rl.chaining.gate import Gate, GateSettings
+from tstar_rl.chaining.paths import Path
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.chaining.training import Training
-from tstar_rl.chaining.trials import Trial, run_trial
+from tstar_rl.chaining.trials import SkillTrial, Trial
 from tstar_rl.chaining.turns import Turn
-from tstar_rl.rollouts.collection import with_starts
 
 SHORT = ("chain.gate=false", "chain.steps_per_turn=512", "chain.trial_every=100")
 """Turns of one rollout, and no trial."""
@@ -27,52 +28,41 @@ def skills(tmp_path) -> list[Skill]:
     return [Skill.load(tmp_path / f"runs/table_lack/gail_ppo/seed0/subtask{i}/last") for i in range(4)]
 
 
-def test_a_trial_says_where_every_skill_began_and_how_it_did(skills):
-    """Skill 0 ends at any y; skill 1 then fails where y < 0, and whoever gets past it succeeds to the end."""
-    n = 64
-    trial = run_trial(skills, with_starts(PointChain("table_lack", n, None, seed=3)))
-    sides = trial.skills[1].starts[:, 1] > 0
-    above = int(sides.sum())
-    assert 0 < above < n and torch.equal(trial.skills[1].succeeded, sides)
-    assert trial.completed.unique().tolist() == [1, 4] and int((trial.completed == 4).sum()) == above
-    assert trial.progress == pytest.approx((above * 4 + (n - above)) / (4 * n))
-    assert [len(skill.starts) for skill in trial.skills] == [n, n, above, above]
-    assert [skill.success for skill in trial.skills] == [1, above / n, 1, 1]
-    for index, skill in enumerate(trial.skills):
-        x = skill.ends["observation"][:, 0]
-        assert len(x) == int(skill.succeeded.sum()) and bool(((x > index + 1) & (x < index + 2)).all())
-        assert torch.equal(skill.ends["snapshot", "physics"][:, 0].float(), x)
-        assert (skill.ends["snapshot", "task", "subtask"] == index + 1).all()
-    ends = trial.skills[0].ends["observation"]
-    assert torch.equal(ends, trial.skills[1].starts)  # where one ends the next begins
-
-
-def test_a_trial_of_a_shorter_chain_ends_where_the_chain_does(skills):
-    env = with_starts(PointChain("table_lack", 16, None, seed=3))
-    trial = run_trial(skills[:1], env)
-    assert trial.progress == 1 and len(trial.skills) == 1
-    assert trial.steps == int(env.base_env.steps.sum()) < 16 * 5
-
-
-def of_progress(number: float) -> Trial:
-    return Trial(torch.tensor([number]), [None], 10)  # pyright: ignore
-
-
 class Chain:
-    """Stands for a chain: its progress is a number, and its trials are counted."""
+    """Stands for a chain of two skills: its progress is a number, and its trials are noted.
+
+    A trial takes 7 steps of skill 0 and 3 of skill 1.
+    """
 
     def __init__(self, number: float) -> None:
         self.number, self.trials = number, []
 
-    def run_trial(self) -> Trial:
-        self.trials.append(self.number)
+    def run_trial(self, known: Trial | None, first: int) -> Trial:
+        self.trials.append((self.number, None if known is None else known.progress, first))
         return of_progress(self.number)
 
     def turn(self, gate: Gate, number: int, trained: float):
         before, self.number = self.number, trained
         return gate.judge(
-            number, lambda: setattr(self, "number", before), lambda: setattr(self, "number", trained)
+            number,
+            number % 2,
+            undo=lambda: setattr(self, "number", before),
+            redo=lambda: setattr(self, "number", trained),
         )
+
+
+def of_progress(number: float) -> Trial:
+    """Of 100 episodes in which skill 0 always succeeds."""
+    before = torch.arange(100) < 100
+    after = torch.arange(100) < round(200 * number - 100)
+    nothing, states = torch.zeros(100, 0), TensorDict(batch_size=[0])
+    path = Path(nothing[:0], torch.arange(0), torch.arange(0))
+    return Trial(
+        [
+            SkillTrial(nothing, won, states, torch.arange(100), path, steps)
+            for won, steps in ((before, 7), (after, 3))
+        ]
+    )
 
 
 @pytest.mark.parametrize(("trained", "kept"), [(0.95, 0.95), (0.89, 0.89), (0.87, 0.9)])
@@ -84,23 +74,35 @@ def test_a_turn_that_lost_more_than_the_margin_is_put_back(trained, kept):
 
 
 def test_a_trial_that_is_known_is_not_run_again_and_steps_are_counted_once():
-    chain = Chain(0.5)
+    chain = Chain(0.7)
     gate = Gate(GateSettings(True, 0.0, 1), chain.run_trial)
-    found = [chain.turn(gate, turn, trained) for turn, trained in enumerate((0.6, 0.4, 0.7))]
-    assert chain.trials == [0.6, 0.5, 0.4, 0.7]  # before the first turn nothing is known
+    found = [chain.turn(gate, turn, trained) for turn, trained in enumerate((0.8, 0.6, 0.9))]
+    # Before the first turn nothing is known; after it, what the chain did before, and which skill was trained.
+    assert chain.trials == [(0.7, None, 0), (0.8, 0.7, 0), (0.6, 0.8, 1), (0.9, 0.8, 0)]
     assert [each.accepted for each in found] == [True, False, True]
-    assert [each.steps for each in found] == [20, 10, 10]
+    assert [each.steps for each in found] == [20, 3, 10]
     resumed = Gate(GateSettings(True, 0.0, 1), chain.run_trial)
-    assert chain.turn(resumed, 3, 0.8).steps == 10  # the trial that it repeats was counted by the turn before
-    assert chain.trials[4:] == [0.8, 0.7] and chain.number == 0.8
+    assert chain.turn(resumed, 3, 0.95).steps == 3  # the trial that it repeats was counted by the turn before
+    assert chain.trials[4:] == [(0.9, None, 0), (0.95, 0.9, 1)] and chain.number == 0.95
 
 
 def test_without_rejections_the_chain_is_tried_every_so_many_turns():
-    chain = Chain(0.25)
+    chain = Chain(0.75)
     gate = Gate(GateSettings(False, 0.0, 2), chain.run_trial)
-    found = [chain.turn(gate, turn, 0.1) for turn in range(2)]
-    assert found[0].kept is None and found[1].kept.progress == pytest.approx(0.1)
-    assert found[1].accepted is None and chain.number == 0.1
+    found = [chain.turn(gate, turn, 0.6) for turn in range(4)]
+    assert found[0].kept is None and found[1].kept.progress == pytest.approx(0.6)
+    assert found[1].accepted is None and chain.number == 0.6
+    assert [first for _, _, first in chain.trials] == [0, 0]  # both skills were trained in between
+    assert [each.steps for each in found] == [0, 10, 0, 10]
+
+
+def test_without_rejections_a_trial_of_every_turn_begins_with_the_skill_that_was_trained():
+    chain = Chain(0.75)
+    gate = Gate(GateSettings(False, 0.0, 1), chain.run_trial)
+    found = [chain.turn(gate, turn, trained) for turn, trained in enumerate((0.6, 0.8))]
+    assert chain.trials == [(0.6, None, 0), (0.8, 0.6, 1)] and [each.steps for each in found] == [10, 3]
+    resumed = Gate(GateSettings(False, 0.0, 1), chain.run_trial)
+    assert chain.turn(resumed, 3, 0.9).steps == 3 and chain.trials[2:] == [(0.9, None, 1)]
 
 
 def test_a_rejected_turn_puts_back_everything_that_it_changed(point_chain, monkeypatch):

@@ -37,6 +37,16 @@ def test_the_steps_of_a_seed():
     assert "d_omega.steps=3" in steps[7] and "bonus_of=tstar" in steps[9]
 
 
+def test_some_arms_alone():
+    experiment = parse_experiment(SMALL)
+    steps = experiment.steps(2, 7, ["tstar"])
+    assert [step[0] for step in steps[6:]] == ["tstar", "evaluate"] and len(steps) == 8
+    with pytest.raises(
+        ValueError, match="arms of small are no_finetuning, paid, tstar, gaussian; got tsar, gauss"
+    ):
+        experiment.check_arms(["tsar", "paid", "gauss"])
+
+
 def test_an_arm_may_have_fewer_seeds():
     experiment = parse_experiment(SMALL)
     assert [arm.name for arm in experiment.arms_of(7)] == ["no_finetuning", "tstar", "paid"]

@@ -52,40 +52,49 @@ class Judgement:
 class Gate:
     """Tries the chain after a turn, always from the same starts, and puts the turn back if the chain got worse.
 
-    The trial of the chain that goes on is the one before the next turn, and is not run twice. One that is not in
-    memory, as at first and after a run was killed, is run with the chain as it was before the turn.
+    The trial of the chain that goes on is the one before the next turn, and is not run twice; nor are the skills before
+    the one that was trained. One that is not in memory, as at first and after a run was killed, is run with the chain
+    as it was before the turn.
 
     Args:
         settings: see `GateSettings`.
-        run_trial: of the chain as it stands, always from the same starts.
+        run_trial: of the chain as it stands, always from the same starts; it is given the trial that is known, if one
+            is, and the first skill that has changed since, see `trials.run_trial`.
     """
 
-    def __init__(self, settings: GateSettings, run_trial: Callable[[], Trial]) -> None:
+    def __init__(self, settings: GateSettings, run_trial: Callable[[Trial | None, int], Trial]) -> None:
         self.settings, self.run_trial = settings, run_trial
         self._known: Trial | None = None
 
-    def judge(self, turn: int, undo: Callable[[], None], redo: Callable[[], None]) -> Judgement:
+    def judge(self, turn: int, skill: int, undo: Callable[[], None], redo: Callable[[], None]) -> Judgement:
         """Judges turn number `turn`.
 
         Args:
             turn: number of the turn.
+            skill: that was trained in it.
             undo: puts back everything that the turn changed.
             redo: makes it as trained again, after `undo`.
         """
         if not self.settings.rejects:
-            due = (turn + 1) % self.settings.trial_every == 0
-            after = self.run_trial() if due else None
-            return Judgement(after=after, steps=after.steps if after else 0)
-        after, before = self.run_trial(), self._known
+            return self._measure(turn, skill)
+        before = self._known
         if before is None:
             undo()
-            before = self.run_trial()
+            before = self.run_trial(None, 0)
             redo()
-        steps = after.steps + (
-            before.steps if turn == 0 else 0
-        )  # one that a resumed run repeats does not count
+        after = self.run_trial(before, skill)
+        # What a resumed run repeats does not count.
+        steps = after.steps(skill) + (before.steps() if turn == 0 else 0)
         accepted = after.progress >= before.progress - self.settings.margin
         if not accepted:
             undo()
         self._known = after if accepted else before
         return Judgement(before, after, accepted, steps)
+
+    def _measure(self, turn: int, skill: int) -> Judgement:
+        """What is known after a turn that is not put back."""
+        if (turn + 1) % self.settings.trial_every:
+            return Judgement()
+        first = skill if turn and self.settings.trial_every == 1 else 0
+        self._known = self.run_trial(self._known, first)
+        return Judgement(after=self._known, steps=self._known.steps(first))

@@ -1,6 +1,10 @@
-"""Trials: deterministic episodes of the whole chain, and what they tell of every skill in it."""
+"""Trials: deterministic episodes of the whole chain, and what they tell of every skill in it.
 
-from collections.abc import Sequence
+A trial runs skill after skill, each from the states in which the one before it succeeded. So what it tells of a skill
+hangs on that skill and those before it alone, and need not be found again while these stand still.
+"""
+
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import torch
@@ -8,17 +12,17 @@ from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 from torchrl.envs import ExplorationType, TransformedEnv, set_exploration_type
 
-from tstar_rl.chaining.chain import ChainPolicy
 from tstar_rl.chaining.paths import Path, PathLog
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.rollouts.episodes import run_episodes
+from tstar_rl.transforms import SkillChainReset
 
 __all__ = ["SkillTrial", "Trial", "run_trial"]
 
 
 @dataclass(frozen=True)
 class SkillTrial:
-    """What a trial tells of one skill, which began in n episodes.
+    """What a trial tells of one skill, which began in n episodes. All are in the order of the simulations.
 
     Attributes:
         starts: (n, O), the observations in which it began: its own starts, or where the skill before ended.
@@ -26,6 +30,7 @@ class SkillTrial:
         ends: batch [number of successes], "observation" and "snapshot" of the states in which it succeeded.
         simulations: (n,) int64, in which simulation each start was.
         path: the last states of its episodes; none where a trial keeps no paths.
+        steps: environment steps of these episodes.
     """
 
     starts: Tensor
@@ -33,6 +38,7 @@ class SkillTrial:
     ends: TensorDictBase
     simulations: Tensor
     path: Path
+    steps: int
 
     @property
     def success(self) -> float:
@@ -42,22 +48,26 @@ class SkillTrial:
 
 @dataclass(frozen=True)
 class Trial:
-    """One deterministic episode of a chain in each of N simulations.
+    """One deterministic episode of a chain in each of N simulations; what it tells of each skill, in order."""
 
-    Attributes:
-        completed: (N,) int64, how many subtasks were done.
-        skills: what it tells of each skill, in order.
-        steps: environment steps it took.
-    """
-
-    completed: Tensor
     skills: list[SkillTrial]
-    steps: int
+
+    @property
+    def completed(self) -> Tensor:
+        """(N,) int64, how many subtasks were done."""
+        done = torch.zeros_like(self.skills[0].simulations)
+        for found in self.skills:
+            done[found.simulations[found.succeeded]] += 1
+        return done
 
     @property
     def progress(self) -> float:
         """The mean share of the chain's subtasks that were done."""
         return float(self.completed.double().mean()) / len(self.skills)
+
+    def steps(self, first: int = 0) -> int:
+        """Environment steps of the skills from `first` on."""
+        return sum(found.steps for found in self.skills[first:])
 
     def share_from(self, skill: int) -> Tensor:
         """For each start of a skill, (n,) in [0, 1]: of the skills from it to the last, the share that was done."""
@@ -70,66 +80,107 @@ class Trial:
 
 
 class _Notes:
-    """What is noted at every step of a trial."""
+    """What is noted at every step of a skill's episodes."""
 
-    def __init__(self, env: TransformedEnv, number: int, path_steps: int) -> None:
-        self.env, self.number = env, number
-        n, device = env.batch_size.numel(), env.device
-        self.completed = torch.zeros(n, dtype=torch.int64, device=device)
-        self.running = torch.ones(n, dtype=torch.bool, device=device)
-        self.starts: list[list[Tensor]] = [[] for _ in range(number)]
-        self.rows: list[list[Tensor]] = [[] for _ in range(number)]
-        """Of the simulations that began skill k, in that order."""
-        self.ends: list[list[TensorDictBase]] = [[] for _ in range(number)]
-        self.paths = PathLog(n, number, path_steps)
+    def __init__(self, env: TransformedEnv, skill: int, rows: Tensor, path_steps: int) -> None:
+        self.env, self.skill, self.rows = env, skill, rows
+        self.starts: Tensor | None = None
+        self.succeeded = torch.zeros_like(rows)
+        self.ended: list[tuple[Tensor, TensorDictBase]] = []
+        """Simulations that succeeded in a step, and their states then."""
+        self.running, self.path = rows.clone(), PathLog(len(rows), path_steps)
 
     def __call__(self, step: TensorDictBase) -> None:
-        before, number = self.completed, self.number
+        if self.starts is None:
+            self.starts = step["observation"][self.rows].clone()
+            self.path.add(step["observation"], self.running)
         reached: Tensor = step["next", "observation"]
-        if not self.starts[0]:
-            self._begin(0, torch.arange(len(before), device=before.device), step["observation"])
-        self.paths.add(reached, self.running)
-        self.running &= ~step["next", "done"].squeeze(-1)
-        now = step["next", "completed"].squeeze(-1).clamp(max=number)
-        made = (now > before).nonzero().squeeze(-1)
-        if not len(made):
-            return
-        snapshot = self.env.base_env.snapshot()
-        for k in before[made].unique().tolist():
-            chosen = made[before[made] == k]
-            end = {"observation": reached[chosen].clone(), "snapshot": snapshot[chosen].clone()}
-            self.ends[k].append(TensorDict(end, [len(chosen)]))
-            self.paths.end(k, chosen)
-            if k + 1 < number:
-                self._begin(k + 1, chosen, reached)
-        before.copy_(torch.maximum(before, now))
+        self.path.add(reached, self.running)
+        made = self.running & (step["next", "subtask"].squeeze(-1) > self.skill)
+        self.running &= ~(made | step["next", "done"].squeeze(-1))
+        if bool(made.any()):
+            end = {
+                "observation": reached[made].clone(),
+                "snapshot": self.env.base_env.snapshot()[made].clone(),
+            }
+            simulations = made.nonzero().squeeze(-1)
+            self.ended.append((simulations, TensorDict(end, [len(simulations)])))
+            self.succeeded |= made
 
-    def _begin(self, skill: int, rows: Tensor, observation: Tensor) -> None:
-        self.starts[skill].append(observation[rows].clone())
-        self.rows[skill].append(rows)
-        self.paths.begin(observation, rows)
-
-    def of_skill(self, k: int) -> SkillTrial:
-        """What was noted of skill k; to be called once, after the last step."""
-        began = torch.cat(self.rows[k]) if self.rows[k] else self.completed[:0]
-        starts = torch.cat(self.starts[k]) if self.starts[k] else self.starts[0][0][:0]
-        ends = torch.cat(self.ends[k]) if self.ends[k] else TensorDict(batch_size=[0])
-        succeeded = self.completed[began] > k
-        self.paths.end(k, began[~succeeded])
-        return SkillTrial(starts, succeeded, ends, began, self.paths.of_skill(k))  # pyright: ignore[reportArgumentType]
+    def of_skill(self, steps: int) -> SkillTrial:
+        """What was noted, after the last step."""
+        assert self.starts is not None
+        simulations = self.rows.nonzero().squeeze(-1)
+        ends: TensorDictBase = TensorDict(batch_size=[0])
+        if self.ended:
+            order = torch.cat([at for at, _ in self.ended]).argsort()
+            ends = torch.cat([states for _, states in self.ended])[order]  # pyright: ignore
+        return SkillTrial(
+            self.starts, self.succeeded[simulations], ends, simulations, self.path.of(simulations), steps
+        )
 
 
-def run_trial(skills: Sequence[Skill], env: TransformedEnv, path_steps: int = 0) -> Trial:
+class _HandedOver:
+    """Starts where the skill before ended, one for each simulation; none at first."""
+
+    def __init__(self) -> None:
+        self.snapshots: TensorDictBase = TensorDict(batch_size=[0])
+
+    def hand(self, snapshots: TensorDictBase, rows: Tensor) -> None:
+        """Snapshots in the order of simulations `rows`, (N,) bool; the others get a copy of one, and are not run."""
+        self.snapshots = snapshots[(rows.cumsum(0) - 1).clamp_min(0)]
+
+    def sample(self, n: int, generator: torch.Generator) -> TensorDictBase:
+        """All of them, batch size [n]; [0] at first."""
+        return self.snapshots
+
+
+def run_trial(
+    skills: Sequence[Skill],
+    env: TransformedEnv,
+    path_steps: int = 0,
+    known: Trial | None = None,
+    first: int = 0,
+) -> Trial:
     """Runs a chain once in every simulation of `env`, with the policies' mean actions; closes `env`.
 
     Args:
         skills: the chain; an episode ends once its last skill has succeeded.
         env: of the whole task, with `snapshot()`.
         path_steps: how many of the last states of each skill's episodes are kept.
+        known: a trial from the same starts. What it tells of the skills before `first`, which have not changed since,
+            is taken from it; the result is the same, to the bit, as without it.
+        first: the first skill that has changed; of no meaning without `known`.
     """
-    notes = _Notes(env, len(skills), path_steps)
+    found = [] if known is None else known.skills[:first]
+    handed = _HandedOver()
+    env.append_transform(SkillChainReset(handed, probability=1.0, goes_on=True))
     with set_exploration_type(ExplorationType.DETERMINISTIC):
-        last = run_episodes(env, ChainPolicy(skills), notes, enough=len(skills))
-    trials = [notes.of_skill(k) for k in range(len(skills))]
+        for index in range(len(found), len(skills)):
+            before = found[-1] if found else None
+            found.append(_run_skill(index, skills[index].policy, env, handed, before, path_steps))
     env.close()
-    return Trial(notes.completed, trials, int(last["next", "step_count"].sum()))
+    return Trial(found)
+
+
+def _run_skill(
+    index: int,
+    policy: Callable,
+    env: TransformedEnv,
+    handed: _HandedOver,
+    before: SkillTrial | None,
+    path_steps: int,
+) -> SkillTrial:
+    """One skill, from the environment's own starts or from where the skill before succeeded."""
+    rows = torch.ones(env.batch_size, dtype=torch.bool, device=env.device)
+    if before is not None:
+        made = before.simulations[before.succeeded]
+        if not len(made):
+            nobody = PathLog(len(rows), path_steps).of(made)
+            return SkillTrial(before.starts[:0], before.succeeded[:0], before.ends, made, nobody, 0)
+        rows = torch.zeros_like(rows).index_fill(0, made, True)
+        handed.hand(before.ends["snapshot"], rows)
+    notes = _Notes(env, index, rows, path_steps)
+    last = run_episodes(env, policy, notes, enough=index + 1, rows=rows)
+    steps: Tensor = last["next", "step_count"]
+    return notes.of_skill(int(steps[rows].sum()))

@@ -51,7 +51,10 @@ class Turn(TurnUpdates):
         """Lets the gate judge; returns its columns."""
         trained = self._state()
         judgement = self.chain.gate.judge(
-            self.run.turn, undo=lambda: self._load(self._before), redo=lambda: self._load(trained)
+            self.run.turn,
+            self.index,
+            undo=lambda: self._load(self._before),
+            redo=lambda: self._load(trained),
         )
         row = judgement.row(self.index)
         if judgement.after is None:

@@ -52,7 +52,7 @@ def chain_turns(config: DictConfig) -> Iterator[Turn]:
         workshop=workshop,
         gate=Gate(
             GateSettings(values.gate, values.gate_margin, values.trial_every),
-            lambda: run_trial(skills, workshop.trial(), values.path_steps),
+            lambda known, first: run_trial(skills, workshop.trial(), values.path_steps, known, first),
         ),
     )
     return turns.chain_turns(chain, recipe=config.system)

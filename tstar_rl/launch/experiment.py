@@ -5,7 +5,7 @@ They are evaluated on the same starts.
 """
 
 import shutil
-from collections.abc import Mapping
+from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -68,14 +68,22 @@ class DeclaredExperiment:
         chosen = [arm for arm in self.arms if seed in (self.seeds if arm.seeds is None else arm.seeds)]
         return sorted(chosen, key=lambda arm: arm.bonus_of is not None)
 
-    def steps(self, subtasks: int, seed: int) -> list[Step]:
-        """Demonstrations, skills and their evaluations, then every arm, one after another."""
+    def steps(self, subtasks: int, seed: int, only: Container[str] | None = None) -> list[Step]:
+        """Demonstrations, skills and their evaluations, then every arm, or those named, one after another."""
         steps: list[Step] = []
         for index in range(subtasks):
             one = f"subtask={index}"
             steps += [("make_demonstrations", one), (SKILLS, one)]
             steps += [("evaluate", f"system={SKILLS}", one, "video=false")]
-        return [*steps, *(step for arm in self.arms_of(seed) for step in arm.steps())]
+        arms = [arm for arm in self.arms_of(seed) if only is None or arm.name in only]
+        return [*steps, *(step for arm in arms for step in arm.steps())]
+
+    def check_arms(self, names: Iterable[str]) -> None:
+        """Raises InvalidValueError for a name that no arm has."""
+        known = [arm.name for arm in self.arms]
+        unknown = [name for name in names if name not in known]
+        if unknown:
+            raise InvalidValueError(f"arms of {self.name} are {', '.join(known)}; got {', '.join(unknown)}")
 
 
 def parse_experiment(values: Mapping[str, Any]) -> DeclaredExperiment:

@@ -25,6 +25,7 @@ def run_episodes(
     policy: Callable,
     each_step: Callable[[TensorDictBase], None] | None = None,
     enough: int | None = None,
+    rows: torch.Tensor | None = None,
 ) -> TensorDictBase:
     """One whole episode of every simulation, from a reset. A simulation whose episode has ended is not stepped.
 
@@ -33,12 +34,14 @@ def run_episodes(
         policy: reads and writes TensorDicts; it samples as TorchRL's `set_exploration_type` says.
         each_step: called with every step's TensorDict, batch [N]. A row is of use until its first "done".
         enough: subtasks after which an episode counts as ended too; None: the environment alone ends it.
+        rows: (N,) bool, the simulations that run; None: all.
 
     Returns:
-        The last step of each episode, batch [N], in the order of the simulations.
+        The last step of each episode, batch [N], in the order of the simulations. Rows that do not run mean nothing.
     """
     tensordict = env.reset()
-    running = torch.ones(env.batch_size, dtype=torch.bool, device=tensordict.device)
+    everything = torch.ones(env.batch_size, dtype=torch.bool, device=tensordict.device)
+    running = everything if rows is None else rows.clone()
     last: TensorDictBase | None = None
     while running.any():
         tensordict = policy(tensordict)

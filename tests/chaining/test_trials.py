@@ -1,0 +1,79 @@
+"""What a trial of a chain tells of each skill, and what of it need not be found again."""
+
+import pytest
+import torch
+from point_chain import PointChain, make_skills
+from torch.testing import assert_close
+
+from tstar_rl.chaining.skill import Skill
+from tstar_rl.chaining.trials import Trial, run_trial
+from tstar_rl.rollouts.collection import with_starts
+
+
+@pytest.fixture
+def skills(tmp_path) -> list[Skill]:
+    make_skills(tmp_path)
+    return [Skill.load(tmp_path / f"runs/table_lack/gail_ppo/seed0/subtask{i}/last") for i in range(4)]
+
+
+def test_a_trial_says_where_every_skill_began_and_how_it_did(skills):
+    """Skill 0 ends at any y; skill 1 then fails where y < 0, and whoever gets past it succeeds to the end."""
+    n = 64
+    trial = run_trial(skills, with_starts(PointChain("table_lack", n, None, seed=3)))
+    sides = trial.skills[1].starts[:, 1] > 0
+    above = int(sides.sum())
+    assert 0 < above < n and torch.equal(trial.skills[1].succeeded, sides)
+    assert trial.completed.unique().tolist() == [1, 4] and int((trial.completed == 4).sum()) == above
+    assert trial.progress == pytest.approx((above * 4 + (n - above)) / (4 * n))
+    assert [len(skill.starts) for skill in trial.skills] == [n, n, above, above]
+    assert [skill.success for skill in trial.skills] == [1, above / n, 1, 1]
+    for index, skill in enumerate(trial.skills):
+        x = skill.ends["observation"][:, 0]
+        assert len(x) == int(skill.succeeded.sum()) and bool(((x > index + 1) & (x < index + 2)).all())
+        assert torch.equal(skill.ends["snapshot", "physics"][:, 0].float(), x)
+        assert (skill.ends["snapshot", "task", "subtask"] == index + 1).all()
+    ends = trial.skills[0].ends["observation"]
+    assert torch.equal(ends, trial.skills[1].starts)  # where one ends the next begins
+
+
+def test_a_trial_of_a_shorter_chain_ends_where_the_chain_does(skills):
+    env = with_starts(PointChain("table_lack", 16, None, seed=3))
+    trial = run_trial(skills[:1], env)
+    assert trial.progress == 1 and len(trial.skills) == 1
+    assert trial.steps() == int(env.base_env.steps.sum()) < 16 * 5
+
+
+def assert_same(one: Trial, other: Trial) -> None:
+    """Whether two trials say the same, to the bit."""
+    for this, that in zip(one.skills, other.skills, strict=True):
+        for name in ("starts", "succeeded", "ends", "simulations"):
+            assert_close(getattr(this, name), getattr(that, name), rtol=0, atol=0, equal_nan=True)
+        for mine, theirs in zip(this.path, that.path, strict=True):
+            assert torch.equal(mine, theirs)
+        assert this.steps == that.steps
+
+
+@pytest.mark.parametrize("first", [0, 1, 3])
+def test_what_is_known_of_the_skills_before_is_not_run_again(skills, first):
+    """Skill `first` is made to walk sideways; a trial that begins with it says what a whole one does."""
+
+    def env():
+        return with_starts(PointChain("table_lack", 32, None, seed=3))
+
+    known = run_trial(skills, env(), path_steps=2)
+    skills[first].policy[0][1].module[0][-1].bias.data[1] = -0.3
+    whole, rest = run_trial(skills, env(), 2), run_trial(skills, env(), 2, known, first)
+    assert_same(whole, rest)
+    assert whole.progress != known.progress and len(known.skills) == 4
+    assert all(mine is theirs for mine, theirs in zip(rest.skills[:first], known.skills, strict=False))
+    assert rest.steps(first) == sum(found.steps for found in whole.skills[first:])
+
+
+def test_skills_after_one_that_never_succeeds_have_no_episodes(skills):
+    skills[1].policy[0][1].module[0][-1].bias.data[0] = -1.0  # it walks back
+    trial = run_trial(skills, with_starts(PointChain("table_lack", 8, None, seed=3)), path_steps=2)
+    assert trial.completed.tolist() == [1] * 8 and trial.progress == 0.25
+    assert [found.steps > 0 for found in trial.skills] == [True, True, False, False]
+    assert [len(found.starts) for found in trial.skills] == [8, 8, 0, 0] and not len(
+        trial.skills[3].path.states
+    )
