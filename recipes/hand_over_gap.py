@@ -11,7 +11,7 @@ skill before it decides (see `tstar_rl.chaining.influence`). Rows of the same ch
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -24,19 +24,19 @@ from torchrl.envs import ExplorationType, set_exploration_type
 
 from tstar_rl.analysis.hand_over_gap import chain_interval, gap_interval, product_interval
 from tstar_rl.analysis.statistics import Interval
-from tstar_rl.chaining.chain import ChainPolicy, load_chain
-from tstar_rl.chaining.influence import Influence, Repeated, influence_of
+from tstar_rl.chaining.chain import ChainPolicy
+from tstar_rl.chaining.exchange import run_from
+from tstar_rl.chaining.influence import Influence, influence_of
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.chaining.what_decides import input_groups, input_names, strongest_input, what_decides
 from tstar_rl.config.build import environment
-from tstar_rl.config.chain import load_skills
 from tstar_rl.config.load import recipe
+from tstar_rl.config.seams import chain_of, env_at_seam
 from tstar_rl.env.task_tables import part_names
 from tstar_rl.rollouts.episodes import run_episodes
 from tstar_rl.rollouts.hand_overs import HandOvers, Seam
 from tstar_rl.rollouts.state_sets import TerminationSet
 from tstar_rl.runs.csv_tables import append_rows
-from tstar_rl.runs.run_folder import run_path
 from tstar_rl.seeds import derive_seed
 
 # Seeds of evaluation: 0 and 1 are evaluate.py's modes, 2 is hand_over.py's.
@@ -46,7 +46,7 @@ _OWN, _CHAIN, _INFLUENCE = 3, 4, 5
 @recipe("hand_over_gap", checkpoint=str, floors=tuple[float, ...], influence_starts=int, influence_times=int)
 def main(config: DictConfig) -> None:
     """Measures one chain, writes and prints both tables."""
-    place, skills = Path(config.results_dir) / config.task.name, _skills(config)
+    place, skills = Path(config.results_dir) / config.task.name, chain_of(config)
     chain = {"system": config.system, "seed": config.seed, "checkpoint": config.checkpoint}
     own = [_own_successes(config, index, skill) for index, skill in enumerate(skills)]
     parts = part_names(config.task.name)
@@ -61,13 +61,6 @@ def main(config: DictConfig) -> None:
     key = ("system", "seed", "checkpoint")
     for file, new, more in (("hand_over_gap.csv", rows, "floor"), ("seams.csv", lines, "subtask")):
         print(append_rows(place / file, new, (*key, more)).round(3).to_string(index=False))
-
-
-def _skills(config: DictConfig) -> list[Skill]:
-    if config.system == "no_finetuning":
-        return load_skills(config, config.checkpoint)
-    run = run_path(config.runs_dir, config.task.name, config.system, config.seed)
-    return [skill.to(config.device) for skill in load_chain(run / config.checkpoint, task=config.task.name)]
 
 
 def _own_successes(config: DictConfig, index: int, skill: Skill) -> int:
@@ -137,25 +130,12 @@ def _influences(config: DictConfig, skills: Sequence[Skill]) -> list[Influence |
         torch.manual_seed(derive_seed(config.seed, "evaluate", _INFLUENCE, index))
         both = skills[index].policy, skills[index + 1].policy
         found.append(influence_of(make, both, index, starts, config.influence_times))
-        starts = _ends(make, index, skills[index], starts)
+        starts = run_from(make, index, skills[index], starts, 0)
     return found
 
 
-def _ends(make: Callable, index: int, skill: Skill, starts: TensorDictBase) -> TensorDictBase:
-    """The states in which a skill ends from these starts, deterministic actions."""
-    env = make(index, starts.batch_size[0], Repeated(starts))
-    with set_exploration_type(ExplorationType.DETERMINISTIC):
-        last = run_episodes(env, skill.policy)
-    env.close()
-    reached = TerminationSet(starts.batch_size[0])
-    reached.extend_from(last)
-    return reached.all()
-
-
 def _env_from(config: DictConfig, index: int, number: int, starts: TerminationSet | None) -> Any:
-    """Simulations of a subtask that all begin in `starts`, with snapshots; None: the environment's own starts."""
-    seed = derive_seed(config.seed, "evaluate", _INFLUENCE, index)
-    return environment(config, index, number, seed, starts, snapshots=True, shares={"buffer": 1.0})
+    return env_at_seam(config, derive_seed(config.seed, "evaluate", _INFLUENCE, index), index, number, starts)
 
 
 if __name__ == "__main__":

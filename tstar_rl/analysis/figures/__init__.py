@@ -3,6 +3,7 @@
 from tstar_rl.analysis.figures.arms import ablation_figure, arms_figure, differences_figure
 from tstar_rl.analysis.figures.curves import ablation_curves, learning_curves, seed_curves
 from tstar_rl.analysis.figures.panels import save_figure
+from tstar_rl.analysis.figures.seams import exchanged_figure
 from tstar_rl.analysis.figures.states import hand_over_matrix, reliability_figure, terminal_state_plane
 
 __all__ = [
@@ -10,6 +11,7 @@ __all__ = [
     "ablation_curves",
     "arms_figure",
     "differences_figure",
+    "exchanged_figure",
     "hand_over_matrix",
     "learning_curves",
     "reliability_figure",

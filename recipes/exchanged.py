@@ -1,0 +1,51 @@
+"""Who mended the seams of a fine-tuned chain: its skills exchanged, one at a time, for what they were before.
+
+    python recipes/exchanged.py system=tstar scale=no_return seed=1
+
+Nothing is trained. <results_dir>/<task>/exchanged.csv has four rows for each seam: the first skill as before or after
+fine-tuning, the second one too, and how often the second succeeds from where the first hands over. Rows of the same
+chain are replaced. `analysis.figures.exchanged_figure` draws them.
+"""
+
+from functools import partial
+from pathlib import Path
+
+from omegaconf import DictConfig
+
+from tstar_rl.chaining.exchange import exchange_skills
+from tstar_rl.config.chain import load_skills
+from tstar_rl.config.load import recipe
+from tstar_rl.config.seams import chain_of, env_at_seam
+from tstar_rl.intervals import wilson_interval
+from tstar_rl.runs.csv_tables import append_rows
+from tstar_rl.seeds import derive_seed
+
+_EXCHANGED = 6  # evaluation's seeds 0 to 5 are other recipes'
+
+
+@recipe("exchanged", checkpoint=str, from_checkpoint=str)
+def main(config: DictConfig) -> None:
+    """Measures one chain, writes and prints its table."""
+    before, after = load_skills(config, config.from_checkpoint), chain_of(config)
+    make = partial(env_at_seam, config, derive_seed(config.seed, "evaluate", _EXCHANGED))
+    rows = []
+    for each in exchange_skills(before, after, make, config.evaluation.episodes):
+        rows.append(each._asdict() | _success(each.taken, each.handed))
+    chain = {"system": config.system, "seed": config.seed, "checkpoint": config.checkpoint}
+    table = append_rows(
+        Path(config.results_dir) / config.task.name / "exchanged.csv",
+        [chain | row for row in rows],
+        ("system", "seed", "checkpoint", "subtask", "handed_by", "taken_by"),
+    )
+    print(table.round(3).to_string(index=False))
+
+
+def _success(taken: int, handed: int) -> dict[str, float]:
+    """The share with its interval; NaN where nothing was handed over."""
+    nothing = float("nan")
+    low, high = wilson_interval(taken, handed) if handed else (nothing, nothing)
+    return {"success": taken / handed if handed else nothing, "success_low": low, "success_high": high}
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,31 @@
+"""From a config to a chain's skills and to simulations of one subtask that begin at a seam."""
+
+from omegaconf import DictConfig
+from torchrl.envs import TransformedEnv
+
+from tstar_rl.chaining.chain import load_chain
+from tstar_rl.chaining.skill import Skill
+from tstar_rl.config.build import environment
+from tstar_rl.config.chain import load_skills
+from tstar_rl.rollouts.state_sets import TerminationSet
+from tstar_rl.runs.run_folder import run_path
+
+__all__ = ["UNTRAINED", "chain_of", "env_at_seam"]
+
+UNTRAINED = "no_finetuning"
+"""The system of skills as they were trained, chained."""
+
+
+def chain_of(config: DictConfig) -> list[Skill]:
+    """The skills of config.system, at config.checkpoint, in order."""
+    if config.system == UNTRAINED:
+        return load_skills(config, config.checkpoint)
+    run = run_path(config.runs_dir, config.task.name, config.system, config.seed)
+    return [skill.to(config.device) for skill in load_chain(run / config.checkpoint, task=config.task.name)]
+
+
+def env_at_seam(
+    config: DictConfig, seed: int, subtask: int, number: int, starts: TerminationSet | None
+) -> TransformedEnv:
+    """Simulations of a subtask that all begin in `starts`, with snapshots; None: the environment's own starts."""
+    return environment(config, subtask, number, seed, starts, snapshots=True, shares={"buffer": 1.0})
