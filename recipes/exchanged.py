@@ -4,7 +4,7 @@
 
 Nothing is trained. <results_dir>/<task>/exchanged.csv has four rows for each seam: the first skill as before or after
 fine-tuning, the second one too, and how often the second succeeds from where the first hands over. Rows of the same
-chain are replaced. `analysis.figures.exchanged_figure` draws them.
+chain are replaced. exchanged.png beside it shows all chains of that checkpoint.
 """
 
 from functools import partial
@@ -12,6 +12,7 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
+from tstar_rl.analysis.figures import exchanged_figure, save_figure
 from tstar_rl.chaining.exchange import exchange_skills
 from tstar_rl.config.chain import load_skills
 from tstar_rl.config.load import recipe
@@ -32,12 +33,15 @@ def main(config: DictConfig) -> None:
     for each in exchange_skills(before, after, make, config.evaluation.episodes):
         rows.append(each._asdict() | _success(each.taken, each.handed))
     chain = {"system": config.system, "seed": config.seed, "checkpoint": config.checkpoint}
+    place = Path(config.results_dir) / config.task.name
     table = append_rows(
-        Path(config.results_dir) / config.task.name / "exchanged.csv",
+        place / "exchanged.csv",
         [chain | row for row in rows],
         ("system", "seed", "checkpoint", "subtask", "handed_by", "taken_by"),
     )
     print(table.round(3).to_string(index=False))
+    shown = table[table["checkpoint"] == config.checkpoint]
+    print(save_figure(exchanged_figure(shown), place / "exchanged.png"))
 
 
 def _success(taken: int, handed: int) -> dict[str, float]:

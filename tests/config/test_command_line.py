@@ -52,6 +52,11 @@ MISTAKES = [
     ("assemble", ["launch=slurm"], "launch must be one of local, ray; got 'slurm'"),
     ("gail_ppo", ["physics=isaac"], "physics must be one of mujoco, warp, null; got 'isaac'"),
     ("gail_ppo", ["device=mps"], "device must be cpu or cuda, got 'mps'"),
+    (
+        "tstar",
+        ["chain.order=costliest", "chain.gate=false", "chain.trial_every=2"],
+        "chain.order=costliest needs a trial after every turn: chain.gate=true or chain.trial_every=1, got 2",
+    ),
     ("tstar", ["chain.links=5"], r"chain.links must be null or in 2..4 for table_lack, got 5"),
     ("ablate", ["ablation=lambda_3", "chain.links=1"], "chain.links must be null or in 2..4 for table_lack, got 1"),
     ("tstar", ["chain.starts={buffer: 2}"], "shares of starts must .* sum to 1"),

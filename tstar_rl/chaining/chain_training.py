@@ -11,6 +11,7 @@ from tstar_rl.chaining.gate import Gate
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.chaining.training import TrainingSettings
 from tstar_rl.chaining.trials import Trial
+from tstar_rl.chaining.turn_order import Order, TurnOrder
 from tstar_rl.demonstrations.data_set import Demonstrations
 from tstar_rl.rollouts.collection import Collection
 from tstar_rl.rollouts.ray_collection import RayCollection
@@ -36,8 +37,8 @@ class ChainSettings:
     """Whose d_omega a turn of skill i trains: that of skill i + 1, which pays the turn, or that of skill i."""
     carry_over: bool
     """Whether optimisers and simulations of a skill go on from its last turn, or each turn makes new ones."""
-    order: Literal["forward", "backward"]
-    """Of the turns in a round: from the first skill to the last (Algorithm 1), or from the last to the first."""
+    order: Order
+    """Of the turns, see `TurnOrder`."""
     path_steps: int
     """How many of the last states of a skill's episodes a trial keeps, for signals along the way; 0: none."""
     logged_skill: int
@@ -81,6 +82,7 @@ class ChainTraining:
         workshop: makes the environments.
         gate: judges each turn.
         save: writes the chain under a name, at a number of steps.
+        turn_order: says whose turn it is.
     """
 
     skills: Sequence[Skill]
@@ -91,9 +93,13 @@ class ChainTraining:
     workshop: Workshop
     gate: Gate
     save: Callable[[str, int], None] = lambda name, steps: None
+    turn_order: TurnOrder = field(init=False)
     _kept: dict[int, dict[str, Any]] = field(default_factory=dict)
     _waiting: dict[str, Any] = field(default_factory=dict)
     """States of what a resumed run has not made yet, as "<index>/<name>"."""
+
+    def __post_init__(self) -> None:
+        self.turn_order = TurnOrder(self.settings.order, len(self.skills))
 
     def seed_sets(self, trial: Trial) -> None:
         """Fills the sets with the states of a trial: from where each skill succeeded, and where it then was."""
@@ -102,6 +108,7 @@ class ChainTraining:
             skill.initiation_set.extend(TensorDict({"observation": starts}, [len(starts)]))
             skill.termination_set.extend(found.ends)
         self.keep_outcomes(trial)
+        self.turn_order.note(trial)
 
     def keep_outcomes(self, trial: Trial, rejected: int | None = None) -> None:
         """Adds what a trial tells of all starts, failed ones too, and of the states on the way to them.
@@ -118,11 +125,6 @@ class ChainTraining:
             if index + 1 < len(self.skills):
                 path, following = found.path, self.skills[index + 1]
                 following.approaches.add(path.states, path.steps_left, trial.handed_over(index))
-
-    def skill_of(self, turn: int) -> int:
-        """Which skill has turn number `turn`."""
-        place = turn % len(self.skills)
-        return place if self.settings.order == "forward" else len(self.skills) - 1 - place
 
     def kept_by(self, index: int) -> dict[str, Any]:
         """The updates and the collection of skill `index`, by name; a turn adds those that it makes."""
@@ -170,8 +172,9 @@ class ChainTraining:
             for index, kept in self._kept.items()
             for name, each in kept.items()
         }
-        return {"carried": {**self._waiting, **made}}
+        return {"carried": {**self._waiting, **made}, "turn_order": self.turn_order.state_dict()}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """What `state_dict` gave; each is loaded when its turn comes."""
         self._waiting = dict(state["carried"])
+        self.turn_order.load_state_dict(state["turn_order"])

@@ -74,6 +74,18 @@ class Trial:
         done = self.completed[self.skills[skill].simulations] - skill
         return done.double() / (len(self.skills) - skill)
 
+    def cost(self, skill: int) -> float:
+        """The progress that the chain would gain if a skill never failed and those after it did as often as they do.
+
+        In [0, 1]. A later skill that never began is taken to succeed: nothing is known against it.
+        """
+        onward, gained = 1.0, 1.0
+        for found in self.skills[skill + 1 :]:
+            onward *= found.success if len(found.starts) else 1.0
+            gained += onward
+        failures = int((~self.skills[skill].succeeded).sum())
+        return failures * gained / (len(self.skills[0].starts) * len(self.skills))
+
     def handed_over(self, skill: int) -> Tensor:
         """For each state of a skill's path, (m,) bool: whether its episode ended where the next skill succeeds."""
         return self.completed[self.skills[skill].path.simulation] > skill + 1

@@ -56,6 +56,7 @@ class Turn(TurnUpdates):
             undo=lambda: self._load(self._before),
             redo=lambda: self._load(trained),
         )
+        self.chain.turn_order.note(judgement.kept, self.index, judgement.accepted is not False)
         row = judgement.row(self.index)
         if judgement.after is None:
             return row
@@ -128,7 +129,7 @@ def chain_turns(chain: ChainTraining, **record: Any) -> Iterator[Turn]:
     if run.turn == 0 and chain.settings.seed_episodes:
         chain.seed_sets(run_trial(skills, chain.workshop.seeding_trial(), chain.settings.path_steps))
     while run.turn < chain.settings.rounds * len(skills):
-        index, seed = chain.skill_of(run.turn), chain.workshop.turn_seed(run.turn)
+        index, seed = chain.turn_order.skill_of(run.turn), chain.workshop.turn_seed(run.turn)
         torch.manual_seed(seed)
         yield Turn(chain, index, seed)
         chain.end_turn(index)

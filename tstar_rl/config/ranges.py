@@ -94,6 +94,11 @@ def check_ranges_of(values: Mapping[str, Any]) -> None:
     for seed in values.get("seeds") or ():
         if seed < 0:
             raise ConfigError(f"seeds must be whole numbers from 0, got {seed}")
+    every, gate = find(values, "chain.trial_every"), find(values, "chain.gate")
+    if find(values, "chain.order") == "costliest" and not gate and every != 1:
+        raise ConfigError(
+            f"chain.order=costliest needs a trial after every turn: chain.gate=true or chain.trial_every=1, got {every}"
+        )
     _check_task(values["task"]["name"], values["task"]["subtasks"], values)
 
 

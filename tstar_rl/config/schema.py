@@ -101,7 +101,7 @@ class ChainSection:
     kept_states: Literal["all", "chained"]
     d_omega_of: Literal["next", "own"]
     carry_over: bool
-    order: Literal["forward", "backward"]
+    order: Literal["forward", "backward", "costliest"]
     path_steps: int
     trial_episodes: int
     trial_max_steps: int

@@ -55,9 +55,9 @@ def exchanged_figure(table: pd.DataFrame) -> Figure:
         for axes, seam in zip(line, seams, strict=True):
             _bars(axes, table[(table["system"] == system) & (table["subtask"] == seam)])
             axes.set_title(f"{readable(system)}: skill {seam - 1} hands over to {seam}", fontsize=8)
-            axes.set_xticks([0, 1], [f"taken over\nby it {version}" for version in VERSIONS], fontsize=8)
+            axes.set_xticks([0, 1], [f"second skill\nas {version}" for version in VERSIONS], fontsize=8)
             axes.set_ylim(0, 1.02)
-        line[0].set_ylabel("the second succeeds")
+        line[0].set_ylabel("the second skill succeeds")
     handles, labels = grid[0, 0].get_legend_handles_labels()
     known = dict(zip(labels, handles, strict=True))
     figure.legend(known.values(), known.keys(), loc="outside lower center", ncols=2, fontsize=8)
