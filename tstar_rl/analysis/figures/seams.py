@@ -24,9 +24,7 @@ def _bars(axes: Axes, rows: pd.DataFrame) -> None:
             if there.empty:
                 continue
             place, mean = group + (side - 0.5) * WIDTH, there["success"].mean()
-            axes.bar(
-                place, mean, WIDTH * 0.92, color=COLOURS[handed_by], label=f"handed over by it {handed_by}"
-            )
+            axes.bar(place, mean, WIDTH * 0.92, color=COLOURS[handed_by], label=f"first skill as {handed_by}")
             if len(there) == 1:
                 ends = [[mean - there["success_low"].iloc[0]], [there["success_high"].iloc[0] - mean]]
                 axes.errorbar(place, mean, yerr=np.clip(ends, 0, None), fmt="none", color="black", capsize=3)
