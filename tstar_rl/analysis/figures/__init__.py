@@ -4,6 +4,7 @@ from tstar_rl.analysis.figures.arms import ablation_figure, arms_figure, differe
 from tstar_rl.analysis.figures.curves import ablation_curves, learning_curves, seed_curves
 from tstar_rl.analysis.figures.panels import save_figure
 from tstar_rl.analysis.figures.states import hand_over_matrix, reliability_figure, terminal_state_plane
+from tstar_rl.analysis.figures.tasks import tasks_figure
 
 __all__ = [
     "ablation_figure",
@@ -15,5 +16,6 @@ __all__ = [
     "reliability_figure",
     "save_figure",
     "seed_curves",
+    "tasks_figure",
     "terminal_state_plane",
 ]
