@@ -117,9 +117,7 @@ def test_performance_profile_by_hand():
 def test_the_same_generator_gives_the_same_interval():
     scores = [[np.repeat([0.0, 1.0], [n, 199 - n]) for n in (30, 81, 113)]]
     assert interquartile_interval(scores, rng()) == interquartile_interval(scores, rng())
-    assert interquartile_interval(scores, rng()) != interquartile_interval(
-        scores, np.random.default_rng(1)
-    )
+    assert interquartile_interval(scores, rng()) != interquartile_interval(scores, np.random.default_rng(1))
 
 
 def test_no_seed_or_no_episode_is_refused():

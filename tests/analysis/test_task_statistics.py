@@ -38,7 +38,9 @@ def test_weights_give_every_task_the_same():
 
 def test_weighted_interquartile_mean_by_hand_and_by_scipy():
     # Eight copies 0 0 .2 .4 .4 .6 .8 1, two cut at either end: (.2 + .4 + .4 + .6) / 4. Unweighted it were .5.
-    assert ours.weighted_interquartile_mean([0.4, 0.0, 0.2, 0.6, 0.8, 1.0], [2, 2, 1, 1, 1, 1]) == pytest.approx(0.4)
+    assert ours.weighted_interquartile_mean(
+        [0.4, 0.0, 0.2, 0.6, 0.8, 1.0], [2, 2, 1, 1, 1, 1]
+    ) == pytest.approx(0.4)
     # Of nine copies two are cut at either end: three of the five ones stay, and two of the four fours.
     assert ours.weighted_interquartile_mean([1.0, 4.0], [5, 4]) == pytest.approx((3 * 1 + 2 * 4) / 5)
     draws, weights = rng().normal(size=(5, 7)), np.array([1, 4, 2, 2, 3, 1, 2])
@@ -69,7 +71,9 @@ def test_the_interval_is_that_of_scipys_stratified_bootstrap(seeds):
     strata, weights = made_up(*seeds), ours.equal_weights(seeds)
     theirs = stats.bootstrap(  # of several samples, each is drawn by itself
         values(strata),
-        lambda *tasks, axis: stats.trim_mean(np.repeat(np.concatenate(tasks, -1), weights, -1), 0.25, axis=axis),
+        lambda *tasks, axis: stats.trim_mean(
+            np.repeat(np.concatenate(tasks, -1), weights, -1), 0.25, axis=axis
+        ),
         n_resamples=20_000,
         method="percentile",
         random_state=1,
@@ -83,7 +87,9 @@ def test_episodes_are_drawn_within_their_seed():
     strata = [[np.repeat([0.0, 1.0], 100)]] * 2
     half = 1.96 * 0.5 / 400**0.5
     found = ours.interquartile_interval(strata, rng())
-    assert found.value == 0.5 and (found.low, found.high) == pytest.approx((0.5 - half, 0.5 + half), abs=0.004)
+    assert found.value == 0.5 and (found.low, found.high) == pytest.approx(
+        (0.5 - half, 0.5 + half), abs=0.004
+    )
 
 
 def test_improvement_is_a_mean_over_tasks():
@@ -129,7 +135,10 @@ def test_the_profile_is_a_mean_over_tasks():
 def test_one_task_is_as_before_to_the_bit():
     (one, other), thresholds = made_up(6, 5), np.linspace(0, 1, 11)
     for task, alone in (
-        (ours.improvement_over_tasks([one], [other], rng()), statistics.improvement_interval(one, other, rng())),
+        (
+            ours.improvement_over_tasks([one], [other], rng()),
+            statistics.improvement_interval(one, other, rng()),
+        ),
         (ours.profile_over_tasks([one], thresholds, rng()), statistics.profile_band(one, thresholds, rng())),
     ):
         np.testing.assert_array_equal(task, alone)

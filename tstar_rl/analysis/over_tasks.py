@@ -1,7 +1,7 @@
 """Arms over several tasks: which tasks and seeds each of them has, and their table.
 
-An arm is only compared with others on tasks that both have. So there are at most two sets of tasks: all of them, for the
-arms that have them all, and those that every arm has.
+An arm is only compared with others on tasks that both have. So there are at most two sets of tasks: all of them, for
+the arms that have them all, and those that every arm has.
 """
 
 import math
@@ -61,8 +61,8 @@ def tasks_table(scores: TaskScores, tasks: Sequence[str], reference: str) -> pd.
 
     Returns:
         Index arm; columns seeds_low and seeds_high (the fewest and the most of a task), runs, progress, progress_low,
-        progress_high, the same three of success, and of improvement (probability that a seed of the arm beats one of the
-        reference on the same task): nan for the reference, and where it shares no seed of a task.
+        progress_high, the same three of success, and of improvement: probability that a seed of the arm beats one of
+        the reference on the same task; nan for the reference, and where the two share no seed of a task.
     """
     lines = {}
     for arm in arms_with(scores, tasks):

@@ -1,10 +1,11 @@
 """Statistics of an arm over several tasks: seeds are drawn within their task, and every task has the same weight.
 
 `strata` has the scores of each task, in one order for all arms; scores are those of `statistics`: an array of episodes
-for each seed. Tasks are not drawn. So an interval says what other seeds would give on these tasks, and nothing of others.
+for each seed. Tasks are not drawn. So an interval says what other seeds would give on these tasks; it says nothing of
+other tasks.
 
-Where all tasks have as many seeds, these are the definitions of the source. Where one has more, pooled runs would
-give it more weight; here each of its seeds counts for less instead.
+Where all tasks have the same number of seeds, these are the definitions of the source. Where one has more, pooled runs
+would give it more weight; here each of its seeds counts for less instead.
 
 Source: Agarwal et al., Deep Reinforcement Learning at the Edge of the Statistical Precipice, NeurIPS 2021.
 """
@@ -52,7 +53,9 @@ def equal_weights(seeds: Sequence[int]) -> NDArray[np.int64]:
         ValueError: if there is no task, or one without a seed.
     """
     if not seeds or min(seeds) < 1:
-        raise ValueError(f"statistics over tasks need at least one task, and a seed of each; got {list(seeds)}")
+        raise ValueError(
+            f"statistics over tasks need at least one task, and a seed of each; got {list(seeds)}"
+        )
     return np.repeat(math.lcm(*seeds) // np.asarray(seeds, dtype=np.int64), seeds)
 
 
@@ -110,7 +113,9 @@ def improvement_over_tasks(
     Source: Agarwal et al. 2021, section 4.3; see `statistics.probability_of_improvement`.
     """
     if len(first) != len(second) or not first:
-        raise ValueError(f"both arms need the same tasks, and at least one; got {len(first)} and {len(second)}")
+        raise ValueError(
+            f"both arms need the same tasks, and at least one; got {len(first)} and {len(second)}"
+        )
     values, draws = [], np.zeros(resamples)
     for one, other in zip(first, second, strict=True):
         values.append(probability_of_improvement(seed_means(one), seed_means(other)))
@@ -122,7 +127,9 @@ def improvement_over_tasks(
 def profile_over_tasks(
     strata: Strata, thresholds: ArrayLike, rng: np.random.Generator, resamples: int = RESAMPLES
 ) -> tuple[Array, Array, Array]:
-    """Share of runs above each threshold, mean over tasks, and the lower and the upper end of its band: (thresholds,) each.
+    """Share of runs above each threshold, mean over tasks, and the lower and the upper end of its band.
+
+    Each is (thresholds,).
 
     Source: Agarwal et al. 2021, section 4.2 (score distribution); pointwise 95%.
     """

@@ -76,7 +76,11 @@ class DeclaredExperiment:
         Raises:
             InvalidValueError: if none of the tasks has one of the seeds.
         """
-        seeds, tasks, known = tuple(seeds) or self.every_seed, tuple(tasks) or self.tasks, set(self.every_seed)
+        seeds, tasks, known = (
+            tuple(seeds) or self.every_seed,
+            tuple(tasks) or self.tasks,
+            set(self.every_seed),
+        )
         found = [
             (task, seed)
             for seed in seeds

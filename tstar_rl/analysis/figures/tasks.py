@@ -56,7 +56,9 @@ def _profiles(axes: Axes, scores: TaskScores, tasks: Sequence[str], arms: Sequen
         axes.step(THRESHOLDS, share, where="post", linewidth=1.8, **_style(place))
         colour = _style(place)["color"]
         axes.fill_between(THRESHOLDS, low, high, step="post", color=colour, alpha=0.1, linewidth=0)
-    axes.set(xlabel="progress above", ylabel="share of runs, mean over tasks", xlim=(0, 1), ylim=(-0.02, 1.02))
+    axes.set(
+        xlabel="progress above", ylabel="share of runs, mean over tasks", xlim=(0, 1), ylim=(-0.02, 1.02)
+    )
 
 
 def tasks_figure(
@@ -64,9 +66,9 @@ def tasks_figure(
 ) -> Figure:
     """Progress of arms over several tasks, and the performance profile of each.
 
-    Left: a dot is a run, that is a task and a seed; its shape is the task, and the tasks of an arm stand in one order. Below
-    them is the interquartile mean with its 95% stratified bootstrap interval. Right: the share of runs whose progress is
-    above a value, mean over tasks, with its pointwise 95% band.
+    Left: a dot is a run, that is one seed of one task; its shape is the task. Below the dots of an arm is the
+    interquartile mean with its 95% stratified bootstrap interval. Right: the share of runs whose progress is above a
+    value, mean over tasks, with its pointwise 95% band.
 
     Args:
         scores: of an experiment, `Experiment.scores`.

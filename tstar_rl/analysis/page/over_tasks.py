@@ -1,4 +1,4 @@
-"""The section of an experiment of several tasks that aggregates over them: its table, its figure and what is missing."""
+"""The section of an experiment that aggregates over its tasks: a table, a figure, and what is missing."""
 
 import math
 from collections.abc import Sequence
@@ -15,15 +15,16 @@ __all__ = ["draw_over_tasks", "over_tasks", "short_over_tasks"]
 HEADING = "over all tasks"
 FIGURE = "Left: every run, and below them the interquartile mean. Right: the share of runs above a progress."
 READING = """\
-A run is one seed of one task. Every task has the same weight. Progress is the share of a task's subtasks, so tasks of two and
-of seven subtasks can be set beside each other. The interquartile mean leaves out a quarter of the runs at either end,
-whatever their task: a task on which all arms do badly may not be in it, so look at the dots too.
+A run is one seed of one task. Every task has the same weight. Progress is the share of a task's subtasks, so tasks of
+two and of seven subtasks can be set beside each other. The interquartile mean leaves out a quarter of the runs at
+either end, whatever their task: a task on which all arms do badly may not be in it, so look at the dots too.
 
-For the interval, seeds are drawn within their task, and episodes within their seed. Tasks are not drawn: nothing is said of
-other tasks. With three seeds of each task it is somewhat too narrow ([decision 0017](decisions/0017-intervals.md)).
+For the interval, seeds are drawn within their task, and episodes within their seed. Tasks are not drawn: nothing is
+said of other tasks. With three seeds of each task it is too narrow ([decision 0017](decisions/0017-intervals.md)).
 
-*Improvement* is the probability that a seed of the arm has more progress than a seed of the reference on the same task,
-a tie counting half, mean over tasks; .5 is no difference. It is of the seeds that both have. The reference is {reference}.
+*Improvement* is the probability that a seed of the arm has more progress than a seed of the reference on the same
+task, a tie counting half, mean over tasks; .5 is no difference. It is of the seeds that both have. The reference is
+{reference}.
 """
 
 
@@ -95,7 +96,11 @@ def _table(scores: TaskScores, tasks: Sequence[str], paper: Paper, reference: st
     for arm in arm_order(paper, map(str, found.index)):
         row = found.loc[arm]
         low, high = row["seeds_low"], row["seeds_high"]
-        line = [arm_label(paper, arm), str(len(tasks)), f"{low:.0f}" if low == high else f"{low:.0f} to {high:.0f}"]
+        line = [
+            arm_label(paper, arm),
+            str(len(tasks)),
+            f"{low:.0f}" if low == high else f"{low:.0f} to {high:.0f}",
+        ]
         for name in ("progress", "success", "improvement"):
             value = [float(row[f"{name}{end}"]) for end in ("", "_low", "_high")]
             line.append(NOTHING if math.isnan(value[0]) else interval(*value))
@@ -110,7 +115,9 @@ def _missing(scores: TaskScores, paper: Paper) -> str:
     for arm, tasks in lacking_tasks(scores).items():
         lines.append(f"- {arm_label(paper, arm)} has no run of {', '.join(f'`{task}`' for task in tasks)}.")
     if lines:
-        lines.append("- An arm that lacks a task is compared on the tasks that all arms have, and only there.")
+        lines.append(
+            "- An arm that lacks a task is compared on the tasks that all arms have, and only there."
+        )
         if not any(set(tasks) < set(scores) for tasks in task_sets(scores)):
             lines.append("- The arms have fewer than two tasks in common, so there is no such comparison.")
     for arm, tasks in lacking_seeds(scores).items():

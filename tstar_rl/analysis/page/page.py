@@ -26,8 +26,9 @@ WRITTEN = """\
 READING = """\
 ## How to read the tables
 
-Progress is the share of a task's subtasks that were done; success is the whole task. Evaluation is on fresh deterministic
-episodes, on seeds that nothing was trained or chosen on. In the columns "sampled", actions are drawn from the policy instead.
+Progress is the share of the subtasks that were done; success is the whole task. Evaluation is on fresh deterministic
+episodes, on seeds that nothing was trained or chosen on. In the columns "sampled", actions are drawn from the policy
+instead.
 *Last* is the last checkpoint. *Best* is, of a chain, the one that did best on trials of its own after each turn, and of
 a single policy the one with the highest running mean of subtasks completed in training. The paper gives its best
 checkpoint.
@@ -60,7 +61,7 @@ def results_page(root: str | Path, paper: Paper, notes: str) -> str:
 def _filled(notes: str, entries: dict[str, Entry], paper: Paper) -> str:
     """The notes with the tables that they ask for.
 
-    `<!-- table: <folder> -->`, `<!-- comparisons: <folder> -->` and, of several tasks, `<!-- over all tasks: <folder> -->`.
+    `<!-- table: <folder> -->`, `<!-- comparisons: <folder> -->`; of several tasks, `<!-- over all tasks: <folder> -->`.
 
     Raises:
         ValueError: for a folder that is no experiment.
