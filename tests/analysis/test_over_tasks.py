@@ -12,7 +12,7 @@ from tstar_rl.analysis import read_experiment, tasks_figure, tasks_table
 from tstar_rl.analysis.over_tasks import arms_with, lacking_seeds, lacking_tasks, task_sets
 from tstar_rl.analysis.page import results_head, results_page
 from tstar_rl.analysis.page.contents import read_contents
-from tstar_rl.analysis.page.over_tasks import draw_over_tasks
+from tstar_rl.analysis.page.over_tasks import draw_over_tasks, over_tasks
 
 PAPER = {
     "tasks": [],
@@ -122,12 +122,16 @@ def test_tasks_that_no_two_arms_share_are_not_aggregated():
     ) == [["a", "b"]]
 
 
-def section(page: str) -> str:
-    return page.split("### The shelf: over all tasks")[1].split("\n### ")[0]
+def section(root: Path) -> str:
+    (entry,) = read_contents(root).experiments
+    return over_tasks(read_experiment(root / "shelf"), PAPER, entry)
 
 
 def test_the_page_has_a_section_over_all_tasks(shelf):
-    found = section(results_page(shelf, PAPER, ""))
+    page, found = results_page(shelf, PAPER, ""), section(shelf)
+    assert f"\n\n{found}\n\n### The shelf: long\n" in page and found.startswith(
+        "### The shelf: over all tasks\n"
+    )
     assert "Over all 2 tasks: `long`, `short`." in found and "Missing" not in found
     assert "The reference is\nno signal." in found and "](figures/shelf_all_tasks.png)" in found
     assert re.search(r"\| no signal \| 2 \| 2 \| 0\.400 \[[^|]+\| 0\.200 \[[^|]+\| - \|\n", found)
@@ -135,7 +139,7 @@ def test_the_page_has_a_section_over_all_tasks(shelf):
 
 
 def test_the_page_says_what_is_missing_and_compares_common_tasks(gaps):
-    found = section(results_page(gaps, PAPER, ""))
+    found = section(gaps)
     assert (
         "- T-STAR has no run of `third`.\n- An arm that lacks a task is compared on the tasks that all"
         in found
@@ -156,8 +160,16 @@ def test_the_page_says_what_is_missing_and_compares_common_tasks(gaps):
 
 def test_arms_without_common_tasks_are_said_to_have_none(tmp_path):
     runs = {"long": {"base": RUNS["long"]["base"]}, "short": {"tstar": RUNS["short"]["tstar"]}}
-    found = section(results_page(write(tmp_path, runs), PAPER, ""))
+    found = section(write(tmp_path, runs))
     assert "The arms have fewer than two tasks in common" in found and "|---|" not in found
+
+
+def test_where_no_arm_has_all_tasks_the_common_ones_are_left(tmp_path):
+    late = {"late": RUNS["long"]["base"]}
+    runs = {**{task: {**arms, **late} for task, arms in RUNS.items()}, "third": late, "fourth": RUNS["short"]}
+    found = section(write(tmp_path, runs))
+    assert "](figures/shelf_common_tasks.png)" in found and "all_tasks" not in found
+    assert "Over the 2 tasks that every arm has: `long`, `short`." in found and "Over all" not in found
 
 
 def test_one_task_has_no_such_section(tmp_path):
@@ -171,14 +183,14 @@ def test_one_task_has_no_such_section(tmp_path):
 
 
 def test_the_section_shows_the_figures_that_are_drawn(gaps, tmp_path):
-    shown = re.findall(r"\]\(figures/([^)]+)\)", section(results_page(gaps, PAPER, "")))
+    shown = re.findall(r"\]\(figures/([^)]+)\)", section(gaps))
     (entry,) = read_contents(gaps).experiments
     drawn = draw_over_tasks(read_experiment(gaps / "shelf"), PAPER, entry, tmp_path / "figures")
     assert [file.name for file in drawn] == shown == ["shelf_all_tasks.png", "shelf_common_tasks.png"]
 
 
 def test_the_notes_and_the_readme_have_the_table(shelf):
-    line = re.search(r"\| T-STAR \| 2 \| 2 \|.*\n", section(results_page(shelf, PAPER, "")))
+    line = re.search(r"\| T-STAR \| 2 \| 2 \|.*\n", section(shelf))
     assert line
     lead = results_page(shelf, PAPER, "<!-- over all tasks: shelf -->").split("## How to read")[0]
     head = results_head(shelf, PAPER, "Found.")

@@ -108,6 +108,12 @@ def _legends(runs: Axes, profiles: Axes, tasks: Sequence[str], arms: Sequence[st
         Line2D([], [], linewidth=1.8, label=name if few else _wrapped(name, 22), **_style(place))
         for place, name in enumerate(arms)
     ]
-    below = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.13), "fontsize": 9, "frameon": False}
+    below = {
+        "loc": "upper center",
+        "bbox_to_anchor": (0.5, 0),
+        "borderaxespad": 5,
+        "fontsize": 9,
+        "frameon": False,
+    }
     runs.legend(handles=shapes, ncols=3, handletextpad=0.1, columnspacing=1.0, **below)
     profiles.legend(handles=lines, ncols=1 if few else 2, handlelength=3.4, **below)

@@ -85,7 +85,8 @@ def _entry(root: Path, one: dict) -> Entry:
             f"{root / FILE}: an experiment has no {', '.join(unknown)}; it has {', '.join(known)}"
         )
     pairs = tuple((str(first), str(second)) for first, second in one.get("pairs", ()))
-    entry = Entry(**{**one, "folder": root / one["folder"], "pairs": pairs})
+    values = {**one, "folder": root / one["folder"], "pairs": pairs}
+    entry = Entry(**values)
     for name, value, valid in (("kind", entry.kind, KINDS), ("commits", entry.commits, COMMITS)):
         if value not in valid:
             raise ValueError(

@@ -40,8 +40,8 @@ def over_tasks(experiment: Experiment, paper: Paper, entry: Entry) -> str:
     _check_reference(experiment, entry)
     said = [f"### {entry.title}: {HEADING}", READING.format(reference=arm_label(paper, entry.reference))]
     said += [_missing(scores, paper)]
-    for number, tasks in enumerate(task_sets(scores)):
-        said += [_words(scores, tasks), picture(FIGURE, _file(entry, number))]
+    for tasks in task_sets(scores):
+        said += [_words(scores, tasks), picture(FIGURE, _file(entry, scores, tasks))]
         said += [_table(scores, tasks, paper, entry.reference)]
     return "\n\n".join(part.strip() for part in said if part)
 
@@ -62,10 +62,10 @@ def draw_over_tasks(experiment: Experiment, paper: Paper, entry: Entry, figures:
     if len(experiment.tasks) < 2:
         return []
     scores, found = experiment.scores(), []
-    for number, tasks in enumerate(task_sets(scores)):
+    for tasks in task_sets(scores):
         arms = arm_order(paper, arms_with(scores, tasks))
         drawn = tasks_figure(scores, tasks, arms, {arm: arm_label(paper, arm) for arm in arms})
-        found.append(save_figure(drawn, figures / f"{_file(entry, number)}.png"))
+        found.append(save_figure(drawn, figures / f"{_file(entry, scores, tasks)}.png"))
     return found
 
 
@@ -78,8 +78,8 @@ def _words(scores: TaskScores, tasks: Sequence[str]) -> str:
     return f"Over all {len(tasks)} tasks{whose}: {named}."
 
 
-def _file(entry: Entry, number: int) -> str:
-    return f"{entry.prefix}{('all_tasks', 'common_tasks')[number]}"
+def _file(entry: Entry, scores: TaskScores, tasks: Sequence[str]) -> str:
+    return f"{entry.prefix}{'common' if len(tasks) < len(scores) else 'all'}_tasks"
 
 
 def _check_reference(experiment: Experiment, entry: Entry) -> None:
