@@ -194,11 +194,7 @@ def test_the_notes_and_the_readme_have_the_table(shelf):
     assert line
     lead = results_page(shelf, PAPER, "<!-- over all tasks: shelf -->").split("## How to read")[0]
     head = results_head(shelf, PAPER, "Found.")
-    assert (
-        line[0] in lead
-        and line[0] in head
-        and "[The shelf](docs/results.md#the-shelf), 2 tasks" in head
-    )
+    assert line[0] in lead and line[0] in head and "[The shelf](docs/results.md#the-shelf), 2 tasks" in head
 
 
 def test_the_reference_is_one_of_the_arms(shelf):

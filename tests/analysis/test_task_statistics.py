@@ -155,3 +155,20 @@ def test_no_task_and_other_tasks_are_refused():
         ours.profile_over_tasks([], [0.5], rng())
     with pytest.raises(ValueError, match="both arms need the same tasks, and at least one; got 2 and 1"):
         ours.improvement_over_tasks(UNEQUAL, UNEQUAL[:1], rng())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("seeds", "expected"), [(3, 0.85), (10, 0.92)])
+def test_how_often_an_interval_holds_the_true_value(seeds, expected):
+    """The figures of decision 0017: seven tasks, 400 episodes of four subtasks, seeds that deviate by .08."""
+    generator, tasks, repetitions = rng(), np.linspace(0.45, 0.9, 7), 300
+
+    def drawn() -> list[list[np.ndarray]]:
+        chances = np.clip(tasks[:, None] + generator.normal(0, 0.08, (7, seeds)), 0.02, 0.98)
+        return [[generator.binomial(4, chance, 400) / 4 for chance in task] for task in chances]
+
+    means = [np.concatenate([statistics.seed_means(task) for task in drawn()]) for _ in range(repetitions)]
+    truth = statistics.interquartile_mean(means).mean()
+    found = [ours.interquartile_interval(drawn(), generator, 400) for _ in range(repetitions)]
+    held = np.mean([each.low <= truth <= each.high for each in found])
+    assert held == pytest.approx(expected, abs=0.06)  # three deviations of a share of 300
