@@ -95,12 +95,8 @@ def _table(scores: TaskScores, tasks: Sequence[str], paper: Paper, reference: st
     found, lines = tasks_table(scores, tasks, reference), []
     for arm in arm_order(paper, map(str, found.index)):
         row = found.loc[arm]
-        low, high = row["seeds_low"], row["seeds_high"]
-        line = [
-            arm_label(paper, arm),
-            str(len(tasks)),
-            f"{low:.0f}" if low == high else f"{low:.0f} to {high:.0f}",
-        ]
+        low, high = int(row["seeds_low"]), int(row["seeds_high"])
+        line = [arm_label(paper, arm), str(len(tasks)), str(low) if low == high else f"{low} to {high}"]
         for name in ("progress", "success", "improvement"):
             value = [float(row[f"{name}{end}"]) for end in ("", "_low", "_high")]
             line.append(NOTHING if math.isnan(value[0]) else interval(*value))
