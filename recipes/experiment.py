@@ -42,13 +42,10 @@ def main(config: DictConfig) -> None:
         value for value in HydraConfig.get().overrides.task if value.split("=")[0].split(".")[0] not in OWN
     ]
     lanes: list[list[Step]] = []
-    for seed in config.seeds or declared.seeds:
-        for task in config.tasks or declared.tasks:
-            shared = [*declared.shared(task, seed), *given]
-            subtasks = step_config(("gail_ppo",), shared).task.subtasks
-            lanes.append(
-                [(step[0], *shared, *step[1:]) for step in declared.steps(subtasks, seed, config.arms)]
-            )
+    for task, seed in declared.lanes(config.seeds or (), config.tasks or ()):
+        shared = [*declared.shared(task, seed), *given]
+        subtasks = step_config(("gail_ppo",), shared).task.subtasks
+        lanes.append([(step[0], *shared, *step[1:]) for step in declared.steps(subtasks, seed, config.arms)])
 
     composing = threading.Lock()  # Hydra composes one config at a time
 

@@ -55,9 +55,28 @@ def test_an_arm_may_have_fewer_seeds():
     assert "seed=7" in shared and "results_dir=results/small" in shared
 
 
+def test_a_task_may_have_more_seeds():
+    more = {"tasks": ["table_lack", "chair_ingolf"], "seeds_by_task": {"chair_ingolf": [7, 8, 9]}}
+    experiment = parse_experiment({**SMALL, **more})
+    both = [(task, seed) for seed in (7, 8) for task in more["tasks"]]
+    assert experiment.every_seed == (7, 8, 9) and experiment.lanes() == [*both, ("chair_ingolf", 9)]
+    assert experiment.lanes([8, 9], ["chair_ingolf"]) == [("chair_ingolf", 8), ("chair_ingolf", 9)]
+    # Arms without seeds of their own have every seed of the task; gaussian has seed 8 alone.
+    assert [arm.name for arm in experiment.arms_of(9)] == ["no_finetuning", "tstar", "paid"]
+    assert experiment.lanes([1], ["table_lack"]) == [("table_lack", 1)]  # no seed of the experiment: it tunes
+    with pytest.raises(ValueError, match="experiment small has none of seeds 9 on table_lack"):
+        experiment.lanes([9], ["table_lack"])
+
+
+def test_a_task_may_have_other_seeds_than_the_rest():
+    experiment = parse_experiment({**SMALL, "seeds_by_task": {"table_lack": [8]}})
+    assert experiment.lanes() == [("table_lack", 8)]
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
+        ({"seeds_by_task": {"toy_table": [7]}}, "seeds_by_task names toy_table; tasks are table_lack"),
         ({"arm": []}, "experiment has no arm; it has name, page, scale"),
         ({"arms": [{"name": "a"}]}, "an arm of the experiment lacks recipe"),
         ({"arms": [{"name": "a", "recipe": "tstar"}] * 2}, "two arms of one name: a, a"),
@@ -101,13 +120,18 @@ def test_finished_runs_are_published_and_others_are_not(tmp_path):
 
 @pytest.mark.parametrize("path", sorted((CONFIGS / "experiment").glob("*.yaml")), ids=lambda path: path.stem)
 def test_every_declared_experiment_can_be_run(path):
-    """Its page is there, no seed has tuned a setting, and every training step has a config."""
+    """Its page is there, no seed has tuned a setting, and every training step has a config.
+
+    The arms' steps are tried on the first task, and those that all arms share on every task.
+    """
     experiment = parse_experiment(yaml.safe_load(path.read_text()))
     assert (CONFIGS.parent / experiment.page).is_file() and experiment.name == path.stem
-    assert not set(experiment.seeds) & {0, 1, 2}
+    assert not set(experiment.every_seed) & {0, 1, 2}
+    seed = experiment.seeds[0]
     with initialize_config_dir(str(CONFIGS), version_base="1.3"):
         for task in experiment.tasks:
-            shared = experiment.shared(task, experiment.seeds[0])
-            for step in experiment.steps(1, experiment.seeds[0]):
-                config = compose(f"recipe/{step[0]}", [*shared, *without_bonus(step)[1:]])
-                assert config.seed == experiment.seeds[0] and plain(config)["task"]["name"] == task
+            arms = None if task == experiment.tasks[0] else []
+            for step in experiment.steps(1, seed, arms):
+                values = [*experiment.shared(task, seed), *without_bonus(step)[1:]]
+                config = compose(f"recipe/{step[0]}", values)
+                assert config.seed == seed and plain(config)["task"]["name"] == task

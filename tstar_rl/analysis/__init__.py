@@ -16,9 +16,10 @@ from tstar_rl.analysis.figures.arms import ablation_figure, arms_figure, differe
 from tstar_rl.analysis.figures.curves import ablation_curves, learning_curves, seed_curves
 from tstar_rl.analysis.figures.panels import save_figure
 from tstar_rl.analysis.figures.states import hand_over_matrix, reliability_figure, terminal_state_plane
+from tstar_rl.analysis.figures.tasks import tasks_figure
+from tstar_rl.analysis.over_tasks import tasks_table
 from tstar_rl.analysis.statistics import (
     improvement_interval,
-    interquartile_interval,
     interquartile_mean,
     paired_difference,
     performance_profile,
@@ -31,6 +32,11 @@ from tstar_rl.analysis.tables import (
     read_evaluations,
     read_hand_over,
     read_metrics,
+)
+from tstar_rl.analysis.task_statistics import (
+    improvement_over_tasks,
+    interquartile_interval,
+    profile_over_tasks,
 )
 from tstar_rl.analysis.terminal_states import add_plane, read_terminal_states, spread
 
@@ -50,6 +56,7 @@ __all__ = [
     "hand_over_gaps",
     "hand_over_matrix",
     "improvement_interval",
+    "improvement_over_tasks",
     "interquartile_interval",
     "interquartile_mean",
     "learning_curves",
@@ -59,6 +66,7 @@ __all__ = [
     "performance_profile",
     "probability_of_improvement",
     "product_of_skills",
+    "profile_over_tasks",
     "read_calibration",
     "read_evaluations",
     "read_experiment",
@@ -69,5 +77,7 @@ __all__ = [
     "save_figure",
     "seed_curves",
     "spread",
+    "tasks_figure",
+    "tasks_table",
     "terminal_state_plane",
 ]

@@ -13,8 +13,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from tstar_rl.analysis.statistics import improvement_interval, interquartile_interval, paired_difference
+from tstar_rl.analysis.statistics import improvement_interval, paired_difference
 from tstar_rl.analysis.tables import UNKNOWN, config_of, episode_progress, read_evaluations, read_hand_over
+from tstar_rl.analysis.task_statistics import interquartile_interval
 from tstar_rl.runs.run_folder import run_path
 
 __all__ = [
@@ -27,6 +28,12 @@ __all__ = [
     "read_experiment",
 ]
 
+TaskScores = dict[str, dict[str, dict[int, NDArray[np.floating]]]]
+"""By task, arm and seed: (episodes,) progress of every episode.
+
+Progress is the share of a task's subtasks that were done, in [0, 1] whether it has two of them or seven. So it can be
+compared over tasks, as the length of an episode cannot.
+"""
 SEED = 0
 """Of the generator of every single interval: one does not depend on which others are made."""
 
@@ -51,6 +58,10 @@ class Experiment:
         """A row for each arm and seed."""
         rows = self.arms[(self.arms["task"] == task) & (self.arms["checkpoint"] == checkpoint)]
         return rows[rows["mode"] == mode].sort_values(["arm", "seed"], ignore_index=True)
+
+    def scores(self, checkpoint: str = "last", mode: str = "deterministic") -> TaskScores:
+        """The progress of every episode; see `TaskScores`."""
+        return {task: arm_scores(self.chosen(task, checkpoint, mode)) for task in self.tasks}
 
     def commits(self) -> dict[str, list[str]]:
         """The runs of each commit, as task/arm/seed<k>; "-" for those that name none."""

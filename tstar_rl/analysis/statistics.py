@@ -1,4 +1,4 @@
-"""Statistics of arms that were trained with several seeds and evaluated for many episodes each.
+"""Statistics of arms of one task that were trained with several seeds and evaluated for many episodes each.
 
 Scores of an arm are a list with one array of episodes for each seed. Every interval is a 95% percentile bootstrap:
 seeds are drawn with replacement, then episodes within each drawn seed, so both sources of chance are in it. With
@@ -18,14 +18,16 @@ from scipy.stats import t as student
 __all__ = [
     "Difference",
     "Interval",
+    "drawn_means",
     "improvement_interval",
-    "interquartile_interval",
     "interquartile_mean",
+    "interval_ends",
     "paired_difference",
     "performance_profile",
     "probability_of_improvement",
     "profile_band",
     "resampled_means",
+    "seed_means",
 ]
 
 Array = NDArray[np.floating]
@@ -92,38 +94,22 @@ def resampled_means(scores: Scores, chosen: NDArray[np.int64], rng: np.random.Ge
     return means
 
 
-def _drawn(scores: Scores, rng: np.random.Generator, resamples: int) -> Array:
+def drawn_means(scores: Scores, rng: np.random.Generator, resamples: int) -> Array:
     """(resamples, seeds) means of an arm whose seeds and episodes are drawn."""
     return resampled_means(scores, rng.integers(len(scores), size=(resamples, len(scores))), rng)
 
 
-def _means(scores: Scores) -> Array:
+def seed_means(scores: Scores) -> Array:
     """(seeds,) mean score of each seed."""
     if not len(scores) or any(not np.size(episodes) for episodes in scores):
         raise ValueError("statistics need at least one seed, and at least one episode of each")
     return np.array([np.mean(np.asarray(episodes, dtype=float)) for episodes in scores])
 
 
-def _ends(draws: Array) -> tuple[float, float]:
+def interval_ends(draws: Array) -> tuple[float, float]:
+    """Ends of the 95% percentile interval."""
     low, high = np.quantile(draws, (0.025, 0.975))
     return float(low), float(high)
-
-
-def interquartile_interval(
-    strata: Sequence[Scores], rng: np.random.Generator, resamples: int = RESAMPLES
-) -> Interval:
-    """Interquartile mean over the mean scores of all seeds, with its stratified bootstrap interval.
-
-    Args:
-        strata: scores for each task; seeds are drawn within their task. One task: `[scores]`.
-        rng: draws seeds and episodes.
-        resamples: of the bootstrap.
-
-    Source: Agarwal et al. 2021, section 4.1 (stratified bootstrap) and 4.3 (interquartile mean).
-    """
-    value = interquartile_mean(np.concatenate([_means(scores) for scores in strata]))
-    draws = np.concatenate([_drawn(scores, rng, resamples) for scores in strata], axis=1)
-    return Interval(float(value), *_ends(interquartile_mean(draws)))
 
 
 def paired_difference(
@@ -149,13 +135,13 @@ def paired_difference(
     if not both:
         raise ValueError(f"no seed in common: {sorted(first)} and {sorted(second)}")
     pair = [[arm[seed] for seed in both] for arm in (first, second)]
-    differences, number = _means(pair[0]) - _means(pair[1]), len(both)
+    differences, number = seed_means(pair[0]) - seed_means(pair[1]), len(both)
     chosen = rng.integers(number, size=(resamples, number))
     draws = (resampled_means(pair[0], chosen, rng) - resampled_means(pair[1], chosen, rng)).mean(-1)
     half = math.nan
     if number > 1:
         half = float(student.ppf(0.975, number - 1) * differences.std(ddof=1) / math.sqrt(number))
-    return Difference(float(differences.mean()), *_ends(draws), half, number)
+    return Difference(float(differences.mean()), *interval_ends(draws), half, number)
 
 
 def probability_of_improvement(first: ArrayLike, second: ArrayLike) -> Array:
@@ -175,9 +161,9 @@ def improvement_interval(
 
     Source: Agarwal et al. 2021, section 4.3; see `probability_of_improvement`.
     """
-    value = probability_of_improvement(_means(first), _means(second))
-    draws = [_drawn(scores, rng, resamples) for scores in (first, second)]
-    return Interval(float(value), *_ends(probability_of_improvement(*draws)))
+    value = probability_of_improvement(seed_means(first), seed_means(second))
+    draws = [drawn_means(scores, rng, resamples) for scores in (first, second)]
+    return Interval(float(value), *interval_ends(probability_of_improvement(*draws)))
 
 
 def performance_profile(values: ArrayLike, thresholds: ArrayLike) -> Array:
@@ -196,6 +182,6 @@ def profile_band(
 
     Source: Agarwal et al. 2021, section 4.2; pointwise 95%.
     """
-    drawn = performance_profile(_drawn(scores, rng, resamples), thresholds)
+    drawn = performance_profile(drawn_means(scores, rng, resamples), thresholds)
     low, high = np.quantile(drawn, (0.025, 0.975), axis=0)
-    return performance_profile(_means(scores), thresholds), low, high
+    return performance_profile(seed_means(scores), thresholds), low, high

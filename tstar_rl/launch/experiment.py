@@ -6,7 +6,7 @@ They are evaluated on the same starts.
 
 import shutil
 from collections.abc import Container, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -57,6 +57,41 @@ class DeclaredExperiment:
     arms: tuple[Arm, ...]
     overrides: tuple[str, ...] = ()
     """Hydra overrides of every step."""
+    seeds_by_task: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
+    """Of a task that has others than `seeds`. An arm with seeds of its own has those of them that its task has."""
+
+    @property
+    def every_seed(self) -> tuple[int, ...]:
+        """The seeds that any task has."""
+        of_tasks = (seed for seeds in self.seeds_by_task.values() for seed in seeds)
+        return tuple(dict.fromkeys((*self.seeds, *of_tasks)))
+
+    def lanes(self, seeds: Iterable[int] = (), tasks: Iterable[str] = ()) -> list[tuple[str, int]]:
+        """Task and seed of everything that is run, seed by seed.
+
+        Args:
+            seeds: only these; none: all. One that is not declared for any task is taken as it is, for tuning.
+            tasks: only these; none: all.
+
+        Raises:
+            InvalidValueError: if none of the tasks has one of the seeds.
+        """
+        seeds, tasks, known = (
+            tuple(seeds) or self.every_seed,
+            tuple(tasks) or self.tasks,
+            set(self.every_seed),
+        )
+        found = [
+            (task, seed)
+            for seed in seeds
+            for task in tasks
+            if seed not in known or seed in self.seeds_by_task.get(task, self.seeds)
+        ]
+        if not found:
+            raise InvalidValueError(
+                f"experiment {self.name} has none of seeds {', '.join(map(str, seeds))} on {', '.join(tasks)}"
+            )
+        return found
 
     def shared(self, task: str, seed: int) -> list[str]:
         """The values of every step of one seed on one task; its files lie in folders of the experiment's own."""
@@ -65,7 +100,7 @@ class DeclaredExperiment:
 
     def arms_of(self, seed: int) -> list[Arm]:
         """The arms that a seed has, an arm after that whose bonus it needs."""
-        chosen = [arm for arm in self.arms if seed in (self.seeds if arm.seeds is None else arm.seeds)]
+        chosen = [arm for arm in self.arms if seed in (self.every_seed if arm.seeds is None else arm.seeds)]
         return sorted(chosen, key=lambda arm: arm.bonus_of is not None)
 
     def steps(self, subtasks: int, seed: int, only: Container[str] | None = None) -> list[Step]:
@@ -90,8 +125,8 @@ def parse_experiment(values: Mapping[str, Any]) -> DeclaredExperiment:
     """An experiment from plain values, as in `configs/experiment`.
 
     Raises:
-        InvalidValueError: for a field that is not known or missing, two arms of one name, an arm whose bonus is that of
-            an arm that does not exist or has other seeds.
+        InvalidValueError: for a field that is not known or missing, seeds of a task that is not there, two arms of one
+            name, an arm whose bonus is that of an arm that does not exist or has other seeds.
     """
     fields, arm_fields = DeclaredExperiment.__dataclass_fields__, Arm.__dataclass_fields__
     _check_names("experiment", values, fields, ("name", "page", "scale", "tasks", "seeds", "arms"))
@@ -103,9 +138,15 @@ def parse_experiment(values: Mapping[str, Any]) -> DeclaredExperiment:
     if len(set(names)) < len(names):
         raise InvalidValueError(f"experiment.arms has two arms of one name: {', '.join(names)}")
     plain = {k: tuple(v) if isinstance(v, (list, tuple)) else v for k, v in values.items()}
+    plain["seeds_by_task"] = {task: tuple(seeds) for task, seeds in values.get("seeds_by_task", {}).items()}
+    unknown = sorted(set(plain["seeds_by_task"]) - set(plain["tasks"]))
+    if unknown:
+        raise InvalidValueError(
+            f"experiment.seeds_by_task names {', '.join(unknown)}; tasks are {', '.join(plain['tasks'])}"
+        )
     experiment = DeclaredExperiment(**{**plain, "arms": tuple(arms)})
     for arm in arms:
-        for seed in experiment.seeds if arm.seeds is None else arm.seeds:
+        for seed in experiment.every_seed if arm.seeds is None else arm.seeds:
             there = [each.name for each in experiment.arms_of(seed)]
             if arm.bonus_of is not None and arm.bonus_of not in there:
                 raise InvalidValueError(

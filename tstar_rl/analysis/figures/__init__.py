@@ -5,6 +5,7 @@ from tstar_rl.analysis.figures.curves import ablation_curves, learning_curves, s
 from tstar_rl.analysis.figures.panels import save_figure
 from tstar_rl.analysis.figures.seams import exchanged_figure
 from tstar_rl.analysis.figures.states import hand_over_matrix, reliability_figure, terminal_state_plane
+from tstar_rl.analysis.figures.tasks import tasks_figure
 
 __all__ = [
     "ablation_figure",
@@ -17,5 +18,6 @@ __all__ = [
     "reliability_figure",
     "save_figure",
     "seed_curves",
+    "tasks_figure",
     "terminal_state_plane",
 ]

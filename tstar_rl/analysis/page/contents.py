@@ -22,6 +22,8 @@ class Entry:
     """one: arms of several commits are refused; several: the page says which."""
     pairs: tuple[tuple[str, str], ...] = ()
     """Arms that are compared: first less second."""
+    reference: str = "no_finetuning"
+    """The arm over which, of several tasks, the improvement of the others is shown."""
 
     @property
     def prefix(self) -> str:
@@ -83,7 +85,8 @@ def _entry(root: Path, one: dict) -> Entry:
             f"{root / FILE}: an experiment has no {', '.join(unknown)}; it has {', '.join(known)}"
         )
     pairs = tuple((str(first), str(second)) for first, second in one.get("pairs", ()))
-    entry = Entry(root / one["folder"], one["kind"], one.get("commits", "one"), pairs)
+    values = {**one, "folder": root / one["folder"], "pairs": pairs}
+    entry = Entry(**values)
     for name, value, valid in (("kind", entry.kind, KINDS), ("commits", entry.commits, COMMITS)):
         if value not in valid:
             raise ValueError(

@@ -14,6 +14,7 @@ from tstar_rl.analysis.page import sections
 from tstar_rl.analysis.page.contents import Entry, read_contents
 from tstar_rl.analysis.page.drawing import curves
 from tstar_rl.analysis.page.markdown import Paper
+from tstar_rl.analysis.page.over_tasks import over_tasks, short_over_tasks
 from tstar_rl.analysis.tables import read_evaluations, read_metrics
 
 __all__ = ["replace_block", "results_head", "results_page"]
@@ -25,8 +26,9 @@ WRITTEN = """\
 READING = """\
 ## How to read the tables
 
-A subtask done is a quarter of the progress; success is the whole task. Evaluation is on fresh deterministic episodes,
-on seeds that nothing was trained or chosen on. In the columns "sampled", actions are drawn from the policy instead.
+Progress is the share of the subtasks that were done; success is the whole task. Evaluation is on fresh deterministic
+episodes, on seeds that nothing was trained or chosen on. In the columns "sampled", actions are drawn from the policy
+instead.
 *Last* is the last checkpoint. *Best* is, of a chain, the one that did best on trials of its own after each turn, and of
 a single policy the one with the highest running mean of subtasks completed in training. The paper gives its best
 checkpoint.
@@ -57,7 +59,9 @@ def results_page(root: str | Path, paper: Paper, notes: str) -> str:
 
 
 def _filled(notes: str, entries: dict[str, Entry], paper: Paper) -> str:
-    """The notes with the tables that they ask for: `<!-- table: <folder> -->`, `<!-- comparisons: <folder> -->`.
+    """The notes with the tables that they ask for.
+
+    `<!-- table: <folder> -->`, `<!-- comparisons: <folder> -->`; of several tasks, `<!-- over all tasks: <folder> -->`.
 
     Raises:
         ValueError: for a folder that is no experiment.
@@ -69,6 +73,8 @@ def _filled(notes: str, entries: dict[str, Entry], paper: Paper) -> str:
             known = ", ".join(name for name, each in entries.items() if each.kind == "experiment")
             raise ValueError(f"{found[0]}: there is no such experiment; there are {known}")
         experiment = read_experiment(entry.folder)
+        if kind == "over all tasks":
+            return short_over_tasks(experiment, paper, entry).strip()
         shown = [
             parts.short_table(experiment, paper, task)
             if kind == "table"
@@ -77,7 +83,7 @@ def _filled(notes: str, entries: dict[str, Entry], paper: Paper) -> str:
         ]
         return "\n".join(shown).strip()
 
-    return re.sub(r"<!-- (table|comparisons): (\S+) -->", fill, notes)
+    return re.sub(r"<!-- (table|comparisons|over all tasks): (\S+) -->", fill, notes)
 
 
 def _evaluations(root: Path) -> pd.DataFrame:
@@ -102,14 +108,15 @@ def _experiment(entry: Entry, paper: Paper) -> str:
         return "\n\n".join([*said, sections.ablated(entry.folder)])
     evaluations, metrics = _evaluations(entry.folder), read_metrics(entry.folder)
     experiment = read_experiment(entry.folder, entry.commits == "one") if entry.kind == "experiment" else None
-    said += [parts.commits(experiment)] if experiment else []
+    said += [parts.commits(experiment), over_tasks(experiment, paper, entry)] if experiment else []
     for task in _tasks(paper, evaluations):
         said.append(f"### {entry.title}: {task}")
-        if experiment:
-            leads = {"Arms": parts.arms(experiment, paper, task, entry.prefix)}
+        leads: dict[str, str] = {}
+        if experiment and task in experiment.tasks:
+            leads["Arms"] = parts.arms(experiment, paper, task, entry.prefix)
             leads["Comparisons"] = parts.comparisons(experiment, paper, entry, task)
-        else:
-            leads = {"The paper's table and ours": sections.comparison(evaluations, paper, task)}
+        elif not experiment:
+            leads["The paper's table and ours"] = sections.comparison(evaluations, paper, task)
             leads["Budgets"] = sections.budgets(evaluations, paper, task)
         leads["What the skills hand over"] = sections.hand_over(entry.folder, task, paper, entry.prefix)
         leads["Skills alone"] = sections.skills(evaluations, task)
@@ -119,7 +126,7 @@ def _experiment(entry: Entry, paper: Paper) -> str:
         leads["Curves"] = curves(metrics, task, entry.prefix)
         leads["Every run"] = sections.by_seed(evaluations, paper, task)
         said += [f"#### {title}\n\n{text.strip()}" for title, text in leads.items() if text]
-    return "\n\n".join(part.strip() for part in said)
+    return "\n\n".join(part.strip() for part in said if part)
 
 
 def results_head(root: str | Path, paper: Paper, notes: str) -> str:
@@ -138,8 +145,13 @@ def results_head(root: str | Path, paper: Paper, notes: str) -> str:
         link = f"[{entry.title}](docs/results.md#{_anchor(entry.title)})"
         if entry.kind == "paper":
             found += [link, sections.short_comparison(evaluations, paper, tasks)]
-        for task in tasks if entry.kind == "experiment" else ():
-            found += [f"{link}, `{task}`", parts.short_table(read_experiment(entry.folder), paper, task)]
+        if entry.kind == "experiment":
+            experiment = read_experiment(entry.folder)
+            if len(experiment.tasks) > 1:
+                shown = {f"{len(experiment.tasks)} tasks": short_over_tasks(experiment, paper, entry)}
+            else:
+                shown = {f"`{task}`": parts.short_table(experiment, paper, task) for task in experiment.tasks}
+            found += [text for words, rows in shown.items() for text in (f"{link}, {words}", rows)]
     return "\n\n".join(part.strip() for part in found)
 
 

@@ -1,0 +1,119 @@
+"""Arms over several tasks: every run is a dot, intervals and profiles are those of the tables."""
+
+import textwrap
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from tstar_rl.analysis.experiments import SEED, TaskScores
+from tstar_rl.analysis.figures.panels import panels, readable
+from tstar_rl.analysis.over_tasks import arms_with
+from tstar_rl.analysis.task_statistics import interquartile_interval, profile_over_tasks
+
+__all__ = ["tasks_figure"]
+
+THRESHOLDS = np.linspace(0, 1, 101)
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+"""Told apart with any colour vision. Source: Okabe and Ito, Color Universal Design, 2008."""
+LINES = ("-", "--", "-.", ":", (0, (6, 1.5, 1, 1.5, 1, 1.5)))
+MARKERS = "os^DvPX<>*"
+DOTS = (-0.34, 0.2)
+"""Where the tasks of an arm stand, from its first to its last; its row is one high, and the interval is below them."""
+INTERVAL = 0.36
+
+
+def _style(place: int) -> dict:
+    """Colour and dashes of an arm: both differ, so that neither is needed alone."""
+    return {"color": COLOURS[place % len(COLOURS)], "linestyle": LINES[place % len(LINES)]}
+
+
+def _runs(axes: Axes, scores: TaskScores, tasks: Sequence[str], arms: Sequence[str]) -> None:
+    """A row for each arm, in it a line of dots for each task, and below them interquartile mean and interval."""
+    for place, arm in enumerate(arms):
+        heights = place + np.linspace(*DOTS, len(tasks))
+        for number, (task, height) in enumerate(zip(tasks, heights, strict=True)):
+            means = [episodes.mean() for episodes in scores[task][arm].values()]
+            style = {"color": _style(place)["color"], "marker": MARKERS[number % len(MARKERS)]}
+            axes.plot(means, [height] * len(means), linestyle="", markersize=5, alpha=0.75, mew=0, **style)
+        strata = [list(scores[task][arm].values()) for task in tasks]
+        value, low, high = interquartile_interval(strata, np.random.default_rng(SEED))
+        ends = np.clip([[value - low], [high - value]], 0, None)
+        bar = {"fmt": "|", "color": "black", "capsize": 3, "markersize": 10, "markeredgewidth": 1.8}
+        axes.errorbar(value, place + INTERVAL, xerr=ends, **bar)
+        axes.axhline(place + 0.5, color="0.8", linewidth=0.8)
+    axes.set(xlabel="progress of each run; interquartile mean, 95%", xlim=(-0.02, 1.02))
+    axes.set_ylim(len(arms) - 0.5, -0.5)
+    axes.grid(False, axis="y")
+
+
+def _profiles(axes: Axes, scores: TaskScores, tasks: Sequence[str], arms: Sequence[str]) -> None:
+    for place, arm in enumerate(arms):
+        strata = [list(scores[task][arm].values()) for task in tasks]
+        share, low, high = profile_over_tasks(strata, THRESHOLDS, np.random.default_rng(SEED))
+        axes.step(THRESHOLDS, share, where="post", linewidth=1.8, **_style(place))
+        colour = _style(place)["color"]
+        axes.fill_between(THRESHOLDS, low, high, step="post", color=colour, alpha=0.1, linewidth=0)
+    axes.set(
+        xlabel="progress above", ylabel="share of runs, mean over tasks", xlim=(0, 1), ylim=(-0.02, 1.02)
+    )
+
+
+def tasks_figure(
+    scores: TaskScores, tasks: Sequence[str], arms: Sequence[str], labels: Mapping[str, str] | None = None
+) -> Figure:
+    """Progress of arms over several tasks, and the performance profile of each.
+
+    Left: a dot is a run, that is one seed of one task; its shape is the task. Below the dots of an arm is the
+    interquartile mean with its 95% stratified bootstrap interval. Right: the share of runs whose progress is above a
+    value, mean over tasks, with its pointwise 95% band.
+
+    Args:
+        scores: of an experiment, `Experiment.scores`.
+        tasks: over which it is aggregated.
+        arms: from top to bottom; each must have all of the tasks.
+        labels: of arms.
+
+    Raises:
+        ValueError: if an arm lacks one of the tasks.
+    """
+    unfit = [arm for arm in arms if arm not in arms_with(scores, tasks)]
+    if unfit:
+        raise ValueError(f"arms of the figure need all of {', '.join(tasks)}; not so: {', '.join(unfit)}")
+    called = [(labels or {}).get(arm, readable(arm)) for arm in arms]
+    size = (11, 2.6 + len(arms) * max(0.75, 0.11 * len(tasks)))
+    figure, grid = panels(1, 2, size, width_ratios=(1.2, 1))
+    runs, profiles = grid[0]
+    _runs(runs, scores, tasks, arms)
+    runs.set_yticks(range(len(arms)), [_wrapped(name, 22) for name in called])
+    _profiles(profiles, scores, tasks, arms)
+    _legends(runs, profiles, tasks, called)
+    return figure
+
+
+def _wrapped(name: str, width: int) -> str:
+    return textwrap.fill(name, width, break_on_hyphens=False)
+
+
+def _legends(runs: Axes, profiles: Axes, tasks: Sequence[str], arms: Sequence[str]) -> None:
+    """Below each panel: shapes of the tasks, and lines of the arms."""
+    shapes = [
+        Line2D([], [], color="0.35", linestyle="", marker=MARKERS[place % len(MARKERS)], label=readable(task))
+        for place, task in enumerate(tasks)
+    ]
+    few = len(arms) < 7
+    lines = [
+        Line2D([], [], linewidth=1.8, label=name if few else _wrapped(name, 22), **_style(place))
+        for place, name in enumerate(arms)
+    ]
+    below = {
+        "loc": "upper center",
+        "bbox_to_anchor": (0.5, 0),
+        "borderaxespad": 5,
+        "fontsize": 9,
+        "frameon": False,
+    }
+    runs.legend(handles=shapes, ncols=3, handletextpad=0.1, columnspacing=1.0, **below)
+    profiles.legend(handles=lines, ncols=1 if few else 2, handlelength=3.4, **below)

@@ -1,0 +1,92 @@
+"""Arms over several tasks: which tasks and seeds each of them has, and their table.
+
+An arm is only compared with others on tasks that both have. So there are at most two sets of tasks: all of them, for
+the arms that have them all, and those that every arm has.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from tstar_rl.analysis.experiments import SEED, TaskScores
+from tstar_rl.analysis.task_statistics import improvement_over_tasks, interquartile_interval
+
+__all__ = ["arms_with", "lacking_seeds", "lacking_tasks", "task_sets", "tasks_table"]
+
+
+def arms_with(scores: TaskScores, tasks: Sequence[str]) -> list[str]:
+    """The arms that have all of these tasks."""
+    every = dict.fromkeys(arm for arms in scores.values() for arm in arms)
+    return [arm for arm in every if all(arm in scores[task] for task in tasks)]
+
+
+def task_sets(scores: TaskScores) -> list[list[str]]:
+    """The tasks over which arms are aggregated: all of them; then those that every arm has, if some arm lacks one.
+
+    A set has at least two tasks, and an arm that has them all.
+    """
+    every = arms_with(scores, [])
+    common = [task for task, arms in scores.items() if set(arms) == set(every)]
+    sets = [list(scores)] if common == list(scores) else [list(scores), common]
+    return [tasks for tasks in sets if len(tasks) > 1 and arms_with(scores, tasks)]
+
+
+def lacking_tasks(scores: TaskScores) -> dict[str, list[str]]:
+    """Of each arm that lacks tasks which other arms have: those tasks."""
+    every = arms_with(scores, [])
+    found = {arm: [task for task, arms in scores.items() if arm not in arms] for arm in every}
+    return {arm: tasks for arm, tasks in found.items() if tasks}
+
+
+def lacking_seeds(scores: TaskScores) -> dict[str, dict[str, list[int]]]:
+    """Of each arm, on the tasks that it has: the seeds that another arm has there and it lacks."""
+    found: dict[str, dict[str, list[int]]] = {}
+    for task, arms in scores.items():
+        every = {seed for seeds in arms.values() for seed in seeds}
+        for arm, seeds in arms.items():
+            if every - set(seeds):
+                found.setdefault(arm, {})[task] = sorted(every - set(seeds))
+    return found
+
+
+def tasks_table(scores: TaskScores, tasks: Sequence[str], reference: str) -> pd.DataFrame:
+    """A line for each arm that has all of these tasks.
+
+    Args:
+        scores: of an experiment, `Experiment.scores`.
+        tasks: over which it is aggregated.
+        reference: the arm that the others are compared with, on the seeds that both have.
+
+    Returns:
+        Index arm; columns seeds_low and seeds_high (the fewest and the most of a task), runs, progress, progress_low,
+        progress_high, the same three of success, and of improvement: probability that a seed of the arm beats one of
+        the reference on the same task; nan for the reference, and where the two share no seed of a task.
+    """
+    lines = {}
+    for arm in arms_with(scores, tasks):
+        strata = [list(scores[task][arm].values()) for task in tasks]
+        seeds = [len(each) for each in strata]
+        line: dict[str, float] = {"seeds_low": min(seeds), "seeds_high": max(seeds), "runs": sum(seeds)}
+        done = [[episodes >= 1.0 for episodes in each] for each in strata]
+        for name, measured in (("progress", strata), ("success", done)):
+            found = interquartile_interval(measured, np.random.default_rng(SEED))
+            line |= {name: found.value, f"{name}_low": found.low, f"{name}_high": found.high}
+        names = ("improvement", "improvement_low", "improvement_high")
+        lines[arm] = line | dict(zip(names, _improvement(scores, tasks, arm, reference), strict=True))
+    return pd.DataFrame.from_dict(lines, orient="index").rename_axis("arm")
+
+
+def _improvement(
+    scores: TaskScores, tasks: Sequence[str], arm: str, reference: str
+) -> tuple[float, float, float]:
+    """Of an arm over the reference, on the seeds that both have of each task; nan if a task has none."""
+    both = [sorted(set(scores[task][arm]) & set(scores[task].get(reference, ()))) for task in tasks]
+    if arm == reference or not all(both):
+        return math.nan, math.nan, math.nan
+    first, second = (
+        [[scores[task][name][seed] for seed in seeds] for task, seeds in zip(tasks, both, strict=True)]
+        for name in (arm, reference)
+    )
+    return improvement_over_tasks(first, second, np.random.default_rng(SEED))

@@ -1,0 +1,143 @@
+"""Statistics of an arm over several tasks: seeds are drawn within their task, and every task has the same weight.
+
+`strata` has the scores of each task, in one order for all arms; scores are those of `statistics`: an array of episodes
+for each seed. Tasks are not drawn. So an interval says what other seeds would give on these tasks; it says nothing of
+other tasks.
+
+Where all tasks have the same number of seeds, these are the definitions of the source. Where one has more, pooled runs
+would give it more weight; here each of its seeds counts for less instead.
+
+Source: Agarwal et al., Deep Reinforcement Learning at the Edge of the Statistical Precipice, NeurIPS 2021.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tstar_rl.analysis.statistics import (
+    RESAMPLES,
+    Array,
+    Interval,
+    Scores,
+    drawn_means,
+    interquartile_mean,
+    interval_ends,
+    performance_profile,
+    probability_of_improvement,
+    seed_means,
+)
+
+__all__ = [
+    "equal_weights",
+    "improvement_over_tasks",
+    "interquartile_interval",
+    "profile_over_tasks",
+    "weighted_interquartile_mean",
+]
+
+Strata = Sequence[Scores]
+
+
+def equal_weights(seeds: Sequence[int]) -> NDArray[np.int64]:
+    """How often each seed has to be counted so that every task is counted as often: the smallest such numbers.
+
+    Args:
+        seeds: number of seeds of each task.
+
+    Returns:
+        (sum of `seeds`,): of each seed, task by task. Two and three seeds: 3, 3, 2, 2, 2.
+
+    Raises:
+        ValueError: if there is no task, or one without a seed.
+    """
+    if not seeds or min(seeds) < 1:
+        raise ValueError(
+            f"statistics over tasks need at least one task, and a seed of each; got {list(seeds)}"
+        )
+    return np.repeat(math.lcm(*seeds) // np.asarray(seeds, dtype=np.int64), seeds)
+
+
+def weighted_interquartile_mean(values: ArrayLike, weights: ArrayLike) -> Array:
+    """The interquartile mean of a list in which the i-th value stands `weights[i]` times.
+
+    Args:
+        values: (..., n).
+        weights: (n,) positive integers. All 1: `statistics.interquartile_mean`.
+    """
+    values = np.asarray(values, dtype=float)
+    order = np.argsort(values, axis=-1)
+    up_to = np.cumsum(np.asarray(weights, dtype=np.int64)[order], axis=-1)
+    cut = up_to[..., -1:] // 4
+    kept = np.diff(np.clip(up_to, cut, up_to[..., -1:] - cut), prepend=cut)
+    return (np.take_along_axis(values, order, -1) * kept).sum(-1) / kept.sum(-1)
+
+
+def interquartile_interval(strata: Strata, rng: np.random.Generator, resamples: int = RESAMPLES) -> Interval:
+    """Interquartile mean over the mean scores of all seeds, with its stratified bootstrap interval.
+
+    A quarter of the runs is cut at either end, whatever their task. So the hardest of seven tasks may not be in it.
+
+    Args:
+        strata: scores of each task. One task: `[scores]`.
+        rng: draws seeds and episodes.
+        resamples: of the bootstrap.
+
+    Source: Agarwal et al. 2021, section 4.1 (stratified bootstrap) and 4.3 (interquartile mean).
+    """
+    weights = equal_weights([len(scores) for scores in strata])
+    means = np.concatenate([seed_means(scores) for scores in strata])
+    draws = np.concatenate([drawn_means(scores, rng, resamples) for scores in strata], axis=1)
+    if (weights == 1).all():
+        value, drawn = interquartile_mean(means), interquartile_mean(draws)
+    else:
+        value, drawn = (weighted_interquartile_mean(each, weights) for each in (means, draws))
+    return Interval(float(value), *interval_ends(drawn))
+
+
+def improvement_over_tasks(
+    first: Strata, second: Strata, rng: np.random.Generator, resamples: int = RESAMPLES
+) -> Interval:
+    """Probability that a seed of `first` beats a seed of `second` on the same task, mean over tasks, with its interval.
+
+    Args:
+        first: scores of each task.
+        second: the same of the other arm; tasks in the same order.
+        rng: draws seeds and episodes.
+        resamples: of the bootstrap.
+
+    Raises:
+        ValueError: if the arms have different numbers of tasks.
+
+    Source: Agarwal et al. 2021, section 4.3; see `statistics.probability_of_improvement`.
+    """
+    if len(first) != len(second) or not first:
+        raise ValueError(
+            f"both arms need the same tasks, and at least one; got {len(first)} and {len(second)}"
+        )
+    values, draws = [], np.zeros(resamples)
+    for one, other in zip(first, second, strict=True):
+        values.append(probability_of_improvement(seed_means(one), seed_means(other)))
+        drawn = [drawn_means(scores, rng, resamples) for scores in (one, other)]
+        draws += probability_of_improvement(*drawn)
+    return Interval(float(np.mean(values)), *interval_ends(draws / len(first)))
+
+
+def profile_over_tasks(
+    strata: Strata, thresholds: ArrayLike, rng: np.random.Generator, resamples: int = RESAMPLES
+) -> tuple[Array, Array, Array]:
+    """Share of runs above each threshold, mean over tasks, and the lower and the upper end of its band.
+
+    Each is (thresholds,).
+
+    Source: Agarwal et al. 2021, section 4.2 (score distribution); pointwise 95%.
+    """
+    if not strata:
+        raise ValueError("a performance profile needs at least one task")
+    shares = np.mean([performance_profile(seed_means(scores), thresholds) for scores in strata], axis=0)
+    drawn = np.zeros((resamples, np.size(thresholds)))
+    for scores in strata:
+        drawn += performance_profile(drawn_means(scores, rng, resamples), thresholds)
+    low, high = np.quantile(drawn / len(strata), (0.025, 0.975), axis=0)
+    return shares, low, high
