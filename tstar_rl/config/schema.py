@@ -10,7 +10,7 @@ This imports no torch, so that a mistake in a plain value is told at once.
 from dataclasses import dataclass
 from typing import Any, Literal
 
-__all__ = ["SECTIONS", "Config", "SpirlSection"]
+__all__ = ["SECTIONS", "Config", "Section", "SpirlSection"]
 
 SECTIONS = {
     "cluster": "rollouts.cluster.ClusterSettings",
@@ -23,13 +23,16 @@ SECTIONS = {
     "reward": "transforms.RewardMixture",
     "terminal_reward": "transforms.TerminalStateReward",
     "chain.ppo": "updates.PPOSettings",
+    "feasibility": "updates.LabelledSettings",
+    "proximity": "updates.LabelledSettings",
+    "value_error": "updates.LabelledSettings",
     "spirl.model": "spirl.LatentModelSettings",
     "spirl.model_training": "spirl.ModelTrainingSettings",
     "spirl.policy": "spirl.LatentPolicySettings",
 }
 """Sections whose names and types a class of the library declares, and where it is. A recipe need not have them all."""
 Section = dict[str, Any]
-"""One of `SECTIONS`."""
+"""One of `SECTIONS`. A recipe declares a section of its own as `name=rl.Section`, which imports no torch."""
 
 
 @dataclass(frozen=True)
