@@ -8,7 +8,9 @@ This imports no torch, so that a mistake in a plain value is told at once.
 """
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
+
+from tstar_rl.chaining.chain_settings import ChainSettings
 
 __all__ = ["SECTIONS", "Config", "Section", "SpirlSection"]
 
@@ -92,25 +94,16 @@ class CollectionSection:
 
 
 @dataclass(frozen=True)
-class ChainSection:
-    """Fine-tuning of a chain."""
+class ChainSection(ChainSettings):
+    """Fine-tuning of a chain: what its turns read, and what they are made from."""
 
     links: int | None
-    rounds: int
     steps_per_turn: int
     starts: dict[str, float]
     capacity: int
-    seed_episodes: int
-    kept_states: Literal["all", "chained"]
-    d_omega_of: Literal["next", "own"]
-    carry_over: bool
-    order: Literal["forward", "backward"]
-    path_steps: int
     trial_episodes: int
     trial_max_steps: int
     trial_every: int
-    logged_skill: int
-    logged_states: int
     ppo: Section
     gate: bool
     gate_margin: float
