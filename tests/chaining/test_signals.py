@@ -11,7 +11,6 @@ from tensordict import TensorDict
 from tstar_rl.chaining.chain import load_chain
 from tstar_rl.chaining.chain_training import ChainTraining
 from tstar_rl.chaining.signals import StateValue
-from tstar_rl.chaining.training import Training
 from tstar_rl.chaining.turns import Turn
 
 TWO = ("chain.gate=false", "chain.links=2")
@@ -171,39 +170,23 @@ def test_what_is_said_of_fresh_states_is_logged_each_turn(point_chain, tmp_path)
         assert share == pytest.approx(row.next_success) and error == pytest.approx(row.feasibility_ece)
 
 
-def test_a_rejected_turns_outcomes_are_those_of_the_skills_after(point_chain, monkeypatch):
+def test_a_rejected_turns_outcomes_are_those_of_the_skills_after(spoiled_turns, point_chain, monkeypatch):
     asked = []
-    keep, finish = ChainTraining.keep_outcomes, Training._finish_rollout
+    keep = ChainTraining.keep_outcomes
 
     def note(chain, trial, rejected=None):
         asked.append(rejected)
         keep(chain, trial, rejected)
 
-    def spoil(training, rollout):
-        """The policy walks backwards: the chain gets nowhere."""
-        training.skill.policy[0][1].module[0][-1].bias.data[0] = -1.0
-        return finish(training, rollout)
-
     monkeypatch.setattr(ChainTraining, "keep_outcomes", note)
-    monkeypatch.setattr(Training, "_finish_rollout", spoil)
     table = point_chain("feasibility", "chain.gate=true", "chain.links=2")
     assert table.accepted.dropna().tolist() == [0, 0] and asked == [None, 0, 1]
 
 
 @pytest.mark.parametrize("recipe", ONE_FAST)
-def test_a_killed_chain_goes_on_to_the_same_figures(recipe, point_chain, monkeypatch):
+def test_a_killed_chain_goes_on_to_the_same_figures(recipe, whole_and_resumed):
     """Sets, networks with inputs of their own scale, and optimisers: all come back from a checkpoint."""
     own = {"proximity": ("chain.path_steps=4",), "feasibility": ("feasibility.floor=1e-4",)}.get(recipe, ())
     values = ("chain.gate=true", "chain.rounds=2", "chain.links=2", *own)
-    whole = point_chain(recipe, *values, "system=whole")
-    finish = Training._finish_rollout
-
-    def killed(training, rollout):
-        if training.run.turn == 3:
-            raise KeyboardInterrupt
-        return finish(training, rollout)
-
-    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
-        patch.setattr(Training, "_finish_rollout", killed)
-        point_chain(recipe, *values, "system=cut")
-    pd.testing.assert_frame_equal(point_chain(recipe, *values, "system=cut"), whole)
+    whole, resumed = whole_and_resumed(recipe, *values)
+    pd.testing.assert_frame_equal(resumed, whole)
