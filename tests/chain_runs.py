@@ -10,12 +10,13 @@ from tstar_rl.chaining.training import Training
 
 @pytest.fixture
 def whole_and_resumed(point_chain, monkeypatch) -> Callable[..., tuple[pd.DataFrame, pd.DataFrame]]:
-    """Runs a recipe twice, as the systems `whole` and `cut`; returns both tables.
+    """Runs a recipe twice, as the systems `whole` and `cut`, in turns of one rollout; returns both tables.
 
-    The second run is killed in the first rollout of its fourth turn, and resumed.
+    The second run is killed in its fourth turn, and resumed.
     """
 
     def run(recipe: str, *values: str) -> tuple[pd.DataFrame, pd.DataFrame]:
+        values = (*values, "chain.steps_per_turn=512")
         whole = point_chain(recipe, *values, "system=whole")
         finish = Training._finish_rollout
 

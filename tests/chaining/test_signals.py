@@ -14,6 +14,8 @@ from tstar_rl.chaining.signals import StateValue
 from tstar_rl.chaining.turns import Turn
 
 TWO = ("chain.gate=false", "chain.links=2")
+SHORT = ("chain.gate=false", "chain.steps_per_turn=512", "chain.trial_every=100")
+"""Turns of one rollout, and no trial."""
 OWN = {
     "feasibility": ("feasibility.learning_rate=3e-3",),
     "hand_over_value": ("chain.order=backward", "ppo.critic_learning_rate=1e-2", "ppo.epochs=4"),
@@ -90,7 +92,7 @@ def test_f_learns_the_share_that_the_config_asks_for(point_chain, monkeypatch):
     monkeypatch.setattr(Turn, "log", note)
     means = {}
     for label in ("success", "share"):
-        table = point_chain("feasibility", *TWO[:1], "chain.links=3", f"label={label}", f"system={label}")
+        table = point_chain("feasibility", *SHORT, "chain.links=3", f"label={label}", f"system={label}")
         means[label] = table[table.skill == 0].feasibility_label.iloc[0]
     assert asked == {"success": [0, 1], "share": [0, 0.5]}
     assert means["share"] == pytest.approx(means["success"] / 2)
@@ -147,14 +149,14 @@ OTHERS = [("forward", "feasibility"), *(("backward", recipe) for recipe in ("pol
 )
 def test_the_order_of_turns(order, recipe, point_chain):
     own = ("chain.path_steps=4",) if recipe == "proximity" else ()
-    short = ("chain.gate=false", "chain.steps_per_turn=512", "chain.trial_every=100", "chain.rounds=2")
-    table = point_chain(recipe, *short, "chain.links=2", f"chain.order={order}", *own)
+    table = point_chain(recipe, *SHORT, "chain.rounds=2", "chain.links=2", f"chain.order={order}", *own)
     once = [0, 1] if order == "forward" else [1, 0]
     assert table.skill.tolist() == 2 * once and table["round"].tolist() == [0, 0, 1, 1]
 
 
 def test_what_is_said_of_fresh_states_is_logged_each_turn(point_chain, tmp_path):
-    table = point_chain("feasibility", "chain.gate=true", "chain.links=3", "chain.rounds=2")
+    short = ("chain.steps_per_turn=512", "chain.rounds=2")
+    table = point_chain("feasibility", "chain.gate=true", "chain.links=3", *short)
     ends = table.dropna(subset=["trial_progress"])
     names = [f"feasibility_{name}" for name in ("auc", "sd", "brier", "ece")]
     first = ends[ends.skill == 0]
