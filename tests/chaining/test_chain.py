@@ -68,7 +68,7 @@ def test_t_star_makes_the_first_skill_end_where_the_second_can_start(point_chain
     assert moved["tstar"] > moved["policy_sequencing"] + 0.1, moved
 
 
-@pytest.mark.parametrize("recipe", ["tstar", "policy_sequencing"])
+@pytest.mark.parametrize("recipe", ["tstar", pytest.param("policy_sequencing", marks=pytest.mark.slow)])
 def test_episodes_begin_where_the_skill_before_ended(recipe, point_chain, monkeypatch):
     """Of skill i a share begins past i + 0.2, where its own starts do not, and none where another skill ends."""
     seen = {}

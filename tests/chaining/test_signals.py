@@ -61,7 +61,7 @@ def test_a_signal_moves_where_the_first_skill_ends(recipe, point_chain, tmp_path
     assert 0 < judged.next_success.iloc[0] < judged.next_success.iloc[-1]
 
 
-@pytest.mark.parametrize("label", ["success", "share"])
+@pytest.mark.parametrize("label", ["success", pytest.param("share", marks=pytest.mark.slow)])
 def test_f_says_from_where_the_next_skill_succeeds(label, point_chain, tmp_path):
     """With a third skill that always succeeds, the share of the rest that is done is 0 or 1 as well."""
     values = (*TWO[:1], "chain.links=3", f"label={label}", *OWN["feasibility"])
