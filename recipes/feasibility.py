@@ -10,30 +10,24 @@ was then done. Control: `policy_sequencing.py` with the constant bonus that F pa
 
 from omegaconf import DictConfig
 
-from tstar_rl.config import chain_turns, recipe, settings
-from tstar_rl.rollouts.labelled_sets import Label
-from tstar_rl.signal_equations import outcome_loss
-from tstar_rl.transforms import FeasibilityReward, GAILReward, RewardMixture, weighted
-from tstar_rl.updates import DiscriminatorSettings, LabelledSettings
+import tstar_rl as rl
 
 
-@recipe("feasibility", label=Label, feasibility=LabelledSettings, from_checkpoint=str)
+@rl.recipe("feasibility", label=rl.Label, feasibility=rl.Section, from_checkpoint=str)
 def main(config: DictConfig) -> None:
     """As T-STAR, with F in the place of d_omega."""
-    f_phi, learning = (
-        settings(DiscriminatorSettings, config.f_phi),
-        settings(LabelledSettings, config.feasibility),
-    )
-    for turn in chain_turns(config):
+    f_phi = rl.settings(rl.DiscriminatorSettings, config.f_phi)
+    learning = rl.settings(rl.LabelledSettings, config.feasibility)
+    for turn in rl.chain_turns(config):
         skill, following, later = turn.skill, turn.following, None
         update_policy = turn.policy_update()
         update_f_phi = turn.discriminator_update("f_phi", skill, f_phi, expert=1.0, agent=-1.0)
-        terms = {"gail": GAILReward(skill.f_phi)}
+        terms = {"gail": rl.GAILReward(skill.f_phi)}
         if following:
-            update_f = turn.labelled_update("feasibility", following, outcome_loss, learning)
-            f = FeasibilityReward(following.network("feasibility"), **config.terminal_reward)
+            update_f = turn.labelled_update("feasibility", following, rl.outcome_loss, learning)
+            f = rl.FeasibilityReward(following.network("feasibility"), **config.terminal_reward)
             terms["tsr"], later = turn.signal("feasibility", f, config.label), f.said
-        reward = weighted(settings(RewardMixture, config.reward), terms)
+        reward = rl.weighted(rl.settings(rl.RewardMixture, config.reward), terms)
 
         for rollout in turn.rollouts():
             skill.termination_set.extend_from(turn.chained(rollout))

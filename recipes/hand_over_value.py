@@ -10,43 +10,41 @@ Control: `policy_sequencing.py` with the constant bonus that this paid on averag
 
 from omegaconf import DictConfig
 
-from tstar_rl.chaining.signals import StateValue, value_scale
-from tstar_rl.config import chain_turns, recipe, settings
-from tstar_rl.signal_equations import squared_error_loss
-from tstar_rl.transforms import GAILReward, HandOverValueReward, RewardMixture, weighted
-from tstar_rl.updates import DiscriminatorSettings, LabelledSettings
+import tstar_rl as rl
 
 
-@recipe(
+@rl.recipe(
     "hand_over_value",
     alpha=float,
     value_scale=float | None,
-    value_error=LabelledSettings,
+    value_error=rl.Section,
     from_checkpoint=str,
 )
 def main(config: DictConfig) -> None:
     """As T-STAR, with the next skill's critic in the place of d_omega."""
-    mixture, learning = settings(RewardMixture, config.reward), settings(LabelledSettings, config.value_error)
-    f_phi = settings(DiscriminatorSettings, config.f_phi)
-    for turn in chain_turns(config):
+    f_phi = rl.settings(rl.DiscriminatorSettings, config.f_phi)
+    mixture = rl.settings(rl.RewardMixture, config.reward)
+    learning = rl.settings(rl.LabelledSettings, config.value_error)
+    for turn in rl.chain_turns(config):
         skill, following, signal = turn.skill, turn.following, None
         update_policy = turn.policy_update()
         update_f_phi = turn.discriminator_update("f_phi", skill, f_phi, expert=1.0, agent=-1.0)
-        update_error = turn.labelled_update("value_error", skill, squared_error_loss, learning)
+        update_error = turn.labelled_update("value_error", skill, rl.squared_error_loss, learning)
         if following:
-            error, scale = following.networks.get("value_error"), value_scale(following, config.value_scale)
-            signal = HandOverValueReward(
-                StateValue(following), error, config.alpha, scale, **config.terminal_reward
+            error = following.networks.get("value_error")
+            scale = rl.value_scale(following, config.value_scale)
+            signal = rl.HandOverValueReward(
+                rl.StateValue(following), error, config.alpha, scale, **config.terminal_reward
             )
             turn.signal("hand_over_value", signal)
-        reward = weighted(mixture, {"gail": GAILReward(skill.f_phi), "tsr": signal})
+        reward = rl.weighted(mixture, {"gail": rl.GAILReward(skill.f_phi), "tsr": signal})
 
         for rollout in turn.rollouts():
             skill.initiation_set.extend_from(rollout)  # its critic's mean there is what counts as 1
             skill.termination_set.extend_from(turn.chained(rollout))
             log = update_f_phi(expert=turn.expert.observations, agent=rollout["observation"])
             log |= update_policy(reward(rollout), turn.progress)
-            log |= update_error(*turn.critic_errors(rollout, value_scale(skill, config.value_scale)))
+            log |= update_error(*turn.critic_errors(rollout, rl.value_scale(skill, config.value_scale)))
             turn.log(rollout, log)
 
 

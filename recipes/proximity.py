@@ -9,25 +9,23 @@ step is paid P(s') - P(s), the last one of a success P(s') more. Control: `polic
 
 from omegaconf import DictConfig
 
-from tstar_rl.config import chain_turns, recipe, settings
-from tstar_rl.signal_equations import squared_error_loss
-from tstar_rl.transforms import GAILReward, ProximityReward, RewardMixture, weighted
-from tstar_rl.updates import DiscriminatorSettings, LabelledSettings
+import tstar_rl as rl
 
 
-@recipe("proximity", decay=float, proximity=LabelledSettings, from_checkpoint=str)
+@rl.recipe("proximity", decay=float, proximity=rl.Section, from_checkpoint=str)
 def main(config: DictConfig) -> None:
     """As T-STAR, with a dense reward along the episode in the place of one at its end."""
-    mixture, learning = settings(RewardMixture, config.reward), settings(LabelledSettings, config.proximity)
-    f_phi = settings(DiscriminatorSettings, config.f_phi)
-    for turn in chain_turns(config):
+    f_phi = rl.settings(rl.DiscriminatorSettings, config.f_phi)
+    mixture = rl.settings(rl.RewardMixture, config.reward)
+    learning = rl.settings(rl.LabelledSettings, config.proximity)
+    for turn in rl.chain_turns(config):
         following, p = turn.following, None
         update_policy = turn.policy_update()
         update_f_phi = turn.discriminator_update("f_phi", turn.skill, f_phi, expert=1.0, agent=-1.0)
         if following:
-            update_p = turn.labelled_update("proximity", following, squared_error_loss, learning)
-            p = turn.signal("proximity", ProximityReward(following.network("proximity")))
-        reward = weighted(mixture, {"gail": GAILReward(turn.skill.f_phi), "proximity": p})
+            update_p = turn.labelled_update("proximity", following, rl.squared_error_loss, learning)
+            p = turn.signal("proximity", rl.ProximityReward(following.network("proximity")))
+        reward = rl.weighted(mixture, {"gail": rl.GAILReward(turn.skill.f_phi), "proximity": p})
 
         for rollout in turn.rollouts():
             turn.skill.termination_set.extend_from(turn.chained(rollout))

@@ -10,25 +10,21 @@ of every other input.
 
 from omegaconf import DictConfig
 
-from tstar_rl.chaining.chain import save_chain
-from tstar_rl.chaining.trials import run_trial
-from tstar_rl.config import environment, load_skills, plain, recipe
-from tstar_rl.runs.run import Run
-from tstar_rl.seeds import derive_seed
+import tstar_rl as rl
 
 
-@recipe("refitted", from_checkpoint=str)
+@rl.recipe("refitted", from_checkpoint=str)
 def main(config: DictConfig) -> None:
     """Runs the chain once, widens every skill's normaliser, and saves the chain; logs how many inputs were widened."""
-    run = Run(plain(config))
+    run = rl.Run(rl.plain(config))
     run.start()
-    skills, chain = load_skills(config, checkpoint=config.from_checkpoint), config.chain
-    seed = derive_seed(config.seed, "harvest")
-    env = environment(config, None, chain.trial_episodes, seed, max_steps=chain.trial_max_steps)
-    trial = run_trial(skills, env, chain.path_steps)
+    skills, chain = rl.load_skills(config, checkpoint=config.from_checkpoint), config.chain
+    seed = rl.derive_seed(config.seed, "harvest")
+    env = rl.environment(config, None, chain.trial_episodes, seed, max_steps=chain.trial_max_steps)
+    trial = rl.run_trial(skills, env, chain.path_steps)
     for index, (skill, found) in enumerate(zip(skills, trial.skills, strict=True)):
         run.log(trial.steps(), skill=index, widened_inputs=skill.normalizer.widen(found.path.states))
-    save_chain(skills, run.work / "last", recipe=config.system, env_steps=trial.steps())
+    rl.save_chain(skills, run.work / "last", recipe=config.system, env_steps=trial.steps())
     run.finish()
 
 

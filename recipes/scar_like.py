@@ -9,25 +9,23 @@ with the next skill, each with weight .5. It pays the skill's successes. Control
 
 from omegaconf import DictConfig
 
-from tstar_rl.config import chain_turns, recipe, settings
-from tstar_rl.transforms import GAILReward, RewardMixture, TerminalStateReward, weighted
-from tstar_rl.updates import DiscriminatorSettings
+import tstar_rl as rl
 
 
-@recipe("scar_like", from_checkpoint=str)
+@rl.recipe("scar_like", from_checkpoint=str)
 def main(config: DictConfig) -> None:
     """As T-STAR, with d_seams in the place of d_omega."""
-    f_phi, d_seams = (settings(DiscriminatorSettings, config[name]) for name in ("f_phi", "d_omega"))
-    for turn in chain_turns(config):
+    f_phi, d_seams = (rl.settings(rl.DiscriminatorSettings, config[name]) for name in ("f_phi", "d_omega"))
+    for turn in rl.chain_turns(config):
         skill, pays = turn.skill, turn.following is not None  # nothing comes after the last skill
         update_policy = turn.policy_update()
         update_f_phi = turn.discriminator_update("f_phi", skill, f_phi, expert=1.0, agent=-1.0)
         update_d_seams = turn.discriminator_update("d_seams", skill, d_seams, initiation=1.0, termination=0.0)
-        terms = {"gail": GAILReward(skill.f_phi)}
+        terms = {"gail": rl.GAILReward(skill.f_phi)}
         if pays:
-            d = TerminalStateReward(skill.network("d_seams"), **config.terminal_reward)
+            d = rl.TerminalStateReward(skill.network("d_seams"), **config.terminal_reward)
             terms["tsr"] = turn.signal("d_seams", d)
-        reward = weighted(settings(RewardMixture, config.reward), terms)
+        reward = rl.weighted(rl.settings(rl.RewardMixture, config.reward), terms)
 
         for rollout in turn.rollouts():
             skill.initiation_set.extend_from(rollout)  # I_i and beta_i grow

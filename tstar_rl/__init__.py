@@ -12,18 +12,23 @@ from tstar_rl.deferred import deferred
 
 if TYPE_CHECKING:
     from tstar_rl.chaining.chain import ChainPolicy, save_chain
+    from tstar_rl.chaining.signals import StateValue, value_scale
     from tstar_rl.chaining.skill import NetworkSettings, Skill
-    from tstar_rl.config.build import load_demonstrations, new_skill, skill_training
+    from tstar_rl.chaining.trials import run_trial
+    from tstar_rl.config.build import environment, load_demonstrations, new_skill, skill_training
     from tstar_rl.config.chain import chain_turns, load_skills
     from tstar_rl.config.load import plain, recipe, settings
+    from tstar_rl.config.schema import Section
     from tstar_rl.demonstrations.data_set import Demonstrations
     from tstar_rl.env.furniture_env import FurnitureEnv
     from tstar_rl.rollouts.collection import Collection
+    from tstar_rl.rollouts.labels import Label
     from tstar_rl.rollouts.state_sets import InitiationSet, TerminationSet
     from tstar_rl.runs.run import Run
     from tstar_rl.seeds import derive_seed
     from tstar_rl.shipped.catalogue import load_pretrained, pretrained
     from tstar_rl.shipped.chain import ShippedChain
+    from tstar_rl.signal_equations import outcome_loss, squared_error_loss
     from tstar_rl.transforms.episode_start import EpisodeStart
     from tstar_rl.transforms.gail_reward import GAILReward
     from tstar_rl.transforms.hand_over_rewards import FeasibilityReward, HandOverValueReward
@@ -33,6 +38,7 @@ if TYPE_CHECKING:
     from tstar_rl.transforms.terminal_state_reward import ConstantBonus, TerminalStateReward
     from tstar_rl.updates.cloning import BehaviourCloningSettings, behaviour_cloning
     from tstar_rl.updates.discriminator import DiscriminatorSettings
+    from tstar_rl.updates.labelled import LabelledSettings
 
 __version__ = "0.1.0"
 HOMES = {
@@ -48,26 +54,35 @@ HOMES = {
     "GAILReward": "transforms",
     "HandOverValueReward": "transforms",
     "InitiationSet": "rollouts.state_sets",
+    "Label": "rollouts.labels",
+    "LabelledSettings": "updates",
     "NetworkSettings": "chaining.skill",
     "ProximityReward": "transforms",
     "RewardMixture": "transforms",
     "Run": "runs.run",
+    "Section": "config.schema",
     "ShippedChain": "shipped.chain",
     "Skill": "chaining.skill",
     "SkillChainReset": "transforms",
+    "StateValue": "chaining.signals",
     "TerminalStateReward": "transforms",
     "TerminationSet": "rollouts.state_sets",
     "behaviour_cloning": "updates",
     "chain_turns": "config.chain",
     "derive_seed": "seeds",
+    "environment": "config.build",
     "load_demonstrations": "config.build",
     "load_skills": "config.chain",
     "new_skill": "config.build",
+    "outcome_loss": "signal_equations",
     "plain": "config.load",
     "recipe": "config.load",
+    "run_trial": "chaining.trials",
     "save_chain": "chaining.chain",
     "settings": "config.load",
     "skill_training": "config.build",
+    "squared_error_loss": "signal_equations",
+    "value_scale": "chaining.signals",
     "weighted": "transforms",
     "load_pretrained": "shipped.catalogue",
     "pretrained": "shipped.catalogue",
@@ -86,27 +101,36 @@ __all__ = [
     "GAILReward",
     "HandOverValueReward",
     "InitiationSet",
+    "Label",
+    "LabelledSettings",
     "NetworkSettings",
     "ProximityReward",
     "RewardMixture",
     "Run",
+    "Section",
     "ShippedChain",
     "Skill",
     "SkillChainReset",
+    "StateValue",
     "TerminalStateReward",
     "TerminationSet",
     "__version__",
     "behaviour_cloning",
     "chain_turns",
     "derive_seed",
+    "environment",
     "load_demonstrations",
     "load_skills",
     "new_skill",
+    "outcome_loss",
     "plain",
     "recipe",
+    "run_trial",
     "save_chain",
     "settings",
     "skill_training",
+    "squared_error_loss",
+    "value_scale",
     "weighted",
     "load_pretrained",
     "pretrained",

@@ -7,6 +7,7 @@ import torch
 from torch.testing import assert_close
 
 from tstar_rl.chaining.calibration import (
+    area_under_curve,
     brier_score,
     expected_calibration_error,
     reliability_curve,
@@ -15,6 +16,13 @@ from tstar_rl.chaining.signals import judge
 
 SCORES = torch.tensor([0.1, 0.3, 0.8, 1.0])
 OUTCOMES = torch.tensor([False, True, True, True])
+
+
+def test_area_under_curve_by_hand():
+    # Successes .9 and .4, failures .5 and .4: of four pairs two are right, one is a tie, one is wrong.
+    scores, outcomes = torch.tensor([0.9, 0.4, 0.5, 0.4]), torch.tensor([True, True, False, False])
+    assert area_under_curve(scores, outcomes) == (2 + 0.5) / 4
+    assert math.isnan(area_under_curve(scores, torch.ones(4, dtype=torch.bool)))
 
 
 def test_brier_score():

@@ -9,6 +9,8 @@ from tstar_rl.chaining.skill import Skill
 from tstar_rl.chaining.turns import Turn
 
 NUM_SKILLS = 4
+SHORT = ("chain.gate=false", "chain.steps_per_turn=512", "chain.trial_every=100")
+"""Turns of one rollout, and no trial."""
 
 
 def place(y: float, x: float) -> torch.Tensor:
@@ -45,7 +47,7 @@ def test_a_success_is_paid_what_the_next_skill_says_of_the_state_that_was_reache
         log(turn, rollout, row)
 
     monkeypatch.setattr(Turn, "log", check)
-    table = point_chain("tstar", "chain.gate=false")
+    table = point_chain("tstar", *SHORT)
     assert {index for index, _ in paid} == set(range(NUM_SKILLS - 1))  # the last skill has no next
     assert all(mean > 0 for _, mean in paid)
     assert table[table.skill == NUM_SKILLS - 1].d_omega_initiation_score.isna().all()
@@ -66,7 +68,7 @@ def test_t_star_makes_the_first_skill_end_where_the_second_can_start(point_chain
     assert moved["tstar"] > moved["policy_sequencing"] + 0.1, moved
 
 
-@pytest.mark.parametrize("recipe", ["tstar", "policy_sequencing"])
+@pytest.mark.parametrize("recipe", ["tstar", pytest.param("policy_sequencing", marks=pytest.mark.slow)])
 def test_episodes_begin_where_the_skill_before_ended(recipe, point_chain, monkeypatch):
     """Of skill i a share begins past i + 0.2, where its own starts do not, and none where another skill ends."""
     seen = {}
@@ -78,7 +80,7 @@ def test_episodes_begin_where_the_skill_before_ended(recipe, point_chain, monkey
         log(turn, rollout, row)
 
     monkeypatch.setattr(Turn, "log", note)
-    point_chain(recipe, "chain.gate=false")
+    point_chain(recipe, *SHORT)
     for index in range(NUM_SKILLS):
         starts = torch.cat(seen[index])
         assert starts.min() > -0.6 and starts.max() < 1.0

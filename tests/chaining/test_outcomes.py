@@ -63,7 +63,7 @@ def test_a_trial_without_paths_is_the_same_otherwise(skills, trial):
 
 
 def chain_of(skills: list[Skill]) -> ChainTraining:
-    return ChainTraining(skills, [], None, SimpleNamespace(order="forward"), None, None, None)  # pyright: ignore
+    return ChainTraining(skills, [], None, SimpleNamespace(order="forward"), 1, None, None, None)  # pyright: ignore
 
 
 def test_a_chain_keeps_failed_starts(skills, trial):

@@ -11,10 +11,11 @@ from tensordict import TensorDict
 from tstar_rl.chaining.chain import load_chain
 from tstar_rl.chaining.chain_training import ChainTraining
 from tstar_rl.chaining.signals import StateValue
-from tstar_rl.chaining.training import Training
 from tstar_rl.chaining.turns import Turn
 
 TWO = ("chain.gate=false", "chain.links=2")
+SHORT = ("chain.gate=false", "chain.steps_per_turn=512", "chain.trial_every=100")
+"""Turns of one rollout, and no trial."""
 OWN = {
     "feasibility": ("feasibility.learning_rate=3e-3",),
     "hand_over_value": ("chain.order=backward", "ppo.critic_learning_rate=1e-2", "ppo.epochs=4"),
@@ -60,7 +61,7 @@ def test_a_signal_moves_where_the_first_skill_ends(recipe, point_chain, tmp_path
     assert 0 < judged.next_success.iloc[0] < judged.next_success.iloc[-1]
 
 
-@pytest.mark.parametrize("label", ["success", "share"])
+@pytest.mark.parametrize("label", ["success", pytest.param("share", marks=pytest.mark.slow)])
 def test_f_says_from_where_the_next_skill_succeeds(label, point_chain, tmp_path):
     """With a third skill that always succeeds, the share of the rest that is done is 0 or 1 as well."""
     values = (*TWO[:1], "chain.links=3", f"label={label}", *OWN["feasibility"])
@@ -91,7 +92,7 @@ def test_f_learns_the_share_that_the_config_asks_for(point_chain, monkeypatch):
     monkeypatch.setattr(Turn, "log", note)
     means = {}
     for label in ("success", "share"):
-        table = point_chain("feasibility", *TWO[:1], "chain.links=3", f"label={label}", f"system={label}")
+        table = point_chain("feasibility", *SHORT, "chain.links=3", f"label={label}", f"system={label}")
         means[label] = table[table.skill == 0].feasibility_label.iloc[0]
     assert asked == {"success": [0, 1], "share": [0, 0.5]}
     assert means["share"] == pytest.approx(means["success"] / 2)
@@ -148,14 +149,14 @@ OTHERS = [("forward", "feasibility"), *(("backward", recipe) for recipe in ("pol
 )
 def test_the_order_of_turns(order, recipe, point_chain):
     own = ("chain.path_steps=4",) if recipe == "proximity" else ()
-    short = ("chain.gate=false", "chain.steps_per_turn=512", "chain.trial_every=100", "chain.rounds=2")
-    table = point_chain(recipe, *short, "chain.links=2", f"chain.order={order}", *own)
+    table = point_chain(recipe, *SHORT, "chain.rounds=2", "chain.links=2", f"chain.order={order}", *own)
     once = [0, 1] if order == "forward" else [1, 0]
     assert table.skill.tolist() == 2 * once and table["round"].tolist() == [0, 0, 1, 1]
 
 
 def test_what_is_said_of_fresh_states_is_logged_each_turn(point_chain, tmp_path):
-    table = point_chain("feasibility", "chain.gate=true", "chain.links=3", "chain.rounds=2")
+    short = ("chain.steps_per_turn=512", "chain.rounds=2")
+    table = point_chain("feasibility", "chain.gate=true", "chain.links=3", *short)
     ends = table.dropna(subset=["trial_progress"])
     names = [f"feasibility_{name}" for name in ("auc", "sd", "brier", "ece")]
     first = ends[ends.skill == 0]
@@ -171,39 +172,23 @@ def test_what_is_said_of_fresh_states_is_logged_each_turn(point_chain, tmp_path)
         assert share == pytest.approx(row.next_success) and error == pytest.approx(row.feasibility_ece)
 
 
-def test_a_rejected_turns_outcomes_are_those_of_the_skills_after(point_chain, monkeypatch):
+def test_a_rejected_turns_outcomes_are_those_of_the_skills_after(spoiled_turns, point_chain, monkeypatch):
     asked = []
-    keep, finish = ChainTraining.keep_outcomes, Training._finish_rollout
+    keep = ChainTraining.keep_outcomes
 
     def note(chain, trial, rejected=None):
         asked.append(rejected)
         keep(chain, trial, rejected)
 
-    def spoil(training, rollout):
-        """The policy walks backwards: the chain gets nowhere."""
-        training.skill.policy[0][1].module[0][-1].bias.data[0] = -1.0
-        return finish(training, rollout)
-
     monkeypatch.setattr(ChainTraining, "keep_outcomes", note)
-    monkeypatch.setattr(Training, "_finish_rollout", spoil)
     table = point_chain("feasibility", "chain.gate=true", "chain.links=2")
     assert table.accepted.dropna().tolist() == [0, 0] and asked == [None, 0, 1]
 
 
 @pytest.mark.parametrize("recipe", ONE_FAST)
-def test_a_killed_chain_goes_on_to_the_same_figures(recipe, point_chain, monkeypatch):
+def test_a_killed_chain_goes_on_to_the_same_figures(recipe, whole_and_resumed):
     """Sets, networks with inputs of their own scale, and optimisers: all come back from a checkpoint."""
     own = {"proximity": ("chain.path_steps=4",), "feasibility": ("feasibility.floor=1e-4",)}.get(recipe, ())
     values = ("chain.gate=true", "chain.rounds=2", "chain.links=2", *own)
-    whole = point_chain(recipe, *values, "system=whole")
-    finish = Training._finish_rollout
-
-    def killed(training, rollout):
-        if training.run.turn == 3:
-            raise KeyboardInterrupt
-        return finish(training, rollout)
-
-    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
-        patch.setattr(Training, "_finish_rollout", killed)
-        point_chain(recipe, *values, "system=cut")
-    pd.testing.assert_frame_equal(point_chain(recipe, *values, "system=cut"), whole)
+    whole, resumed = whole_and_resumed(recipe, *values)
+    pd.testing.assert_frame_equal(resumed, whole)

@@ -9,6 +9,7 @@ from torchrl.envs.utils import ExplorationType, set_exploration_type
 from torchrl.objectives import ClipPPOLoss
 
 from tstar_rl.models import networks
+from tstar_rl.models.blocks import in_blocks
 from tstar_rl.models.normalizer import Normalizer
 from tstar_rl.models.relative_features import RelativeFeatures
 
@@ -103,3 +104,10 @@ def test_the_encoder_of_policy_and_value_can_be_computed_once():
         assert torch.equal(parts[name], whole[name])
     assert {id(p) for p in actor.parameters()} == {id(p) for p in policy.parameters()}
     assert not list(encoder.parameters())
+
+
+@pytest.mark.parametrize("shape", [(0,), (5,), (3, 700), (2, 2, 600)])
+def test_a_network_in_blocks_gives_what_it_gives_at_once(shape):
+    network, rows = networks.make_discriminator(72), torch.randn(*shape, 72)
+    with torch.no_grad():
+        assert_close(in_blocks(network, rows), network(rows))

@@ -124,6 +124,22 @@ def test_the_best_of_a_training_is_told_by_the_mean_of_what_was_completed(tmp_pa
     assert found == [False, True, True, True, False]
 
 
+def test_the_bar_says_the_mean_success_of_the_rows_so_far_and_then_of_the_last_ones(tmp_path):
+    run = a_run(tmp_path)
+    run.start()
+    said = []
+    for number, rate in enumerate((math.nan, 0.8, 0.6, math.nan, 1.0, 0.4, 0.2, 1.0, 0.5)):
+        if number == 7:  # a run that is resumed goes on with the same mean
+            run.save_if_due(0)
+            run = a_run(tmp_path)
+            run.start()
+        run.log(10 * number + 10, success_rate=rate, completed=rate)
+        said.append(run.bar.postfix)
+    # Means of .8, of .8 and .6, ..., of all five; then a fifth of the way to 1 and to .5.
+    rates = ["-", "0.80", "0.70", "0.70", "0.80", "0.70", "0.60", "0.68", "0.64"]
+    assert said == [f"success={rate}" for rate in rates]
+
+
 def test_terminal_states_and_the_best_so_far_are_resumed(tmp_path):
     run = a_run(tmp_path, trials=True)
     run.start()

@@ -2,49 +2,24 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal, Protocol
+from typing import Any, Protocol
 
 from tensordict import TensorDict
 from torchrl.envs import TransformedEnv
 
+from tstar_rl.chaining.chain_settings import ChainSettings
 from tstar_rl.chaining.gate import Gate
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.chaining.training import TrainingSettings
 from tstar_rl.chaining.trials import Trial
-from tstar_rl.chaining.turn_order import Order, TurnOrder
+from tstar_rl.chaining.turn_order import TurnOrder
 from tstar_rl.demonstrations.data_set import Demonstrations
 from tstar_rl.rollouts.collection import Collection
 from tstar_rl.rollouts.ray_collection import RayCollection
 from tstar_rl.rollouts.state_sets import TerminationSet
 from tstar_rl.runs.run import Run
 
-__all__ = ["ChainSettings", "ChainTraining", "Workshop"]
-
-
-@dataclass(frozen=True)
-class ChainSettings:
-    """How a chain is fine-tuned. docs/notation.md says which values are the paper's."""
-
-    rounds: int
-    """Times that every skill has its turn."""
-    rollouts: int
-    """In one turn."""
-    seed_episodes: int
-    """Of the chain as it is, before the first turn, whose states fill the sets; 0: the sets begin empty."""
-    kept_states: Literal["all", "chained"]
-    """Which terminal states join beta_i; see `Turn.chained`."""
-    d_omega_of: Literal["next", "own"]
-    """Whose d_omega a turn of skill i trains: that of skill i + 1, which pays the turn, or that of skill i."""
-    carry_over: bool
-    """Whether optimisers and simulations of a skill go on from its last turn, or each turn makes new ones."""
-    order: Order
-    """Of the turns, see `TurnOrder`."""
-    path_steps: int
-    """How many of the last states of a skill's episodes a trial keeps, for signals along the way; 0: none."""
-    logged_skill: int
-    """Whose terminal states are logged, for the paper's Figure 4."""
-    logged_states: int
-    """How many of a rollout."""
+__all__ = ["ChainTraining", "Workshop"]
 
 
 class Workshop(Protocol):
@@ -78,6 +53,7 @@ class ChainTraining:
         experts: demonstrations of each subtask.
         run: log and checkpoints.
         settings: see `ChainSettings`.
+        rollouts: in one turn.
         training: see `TrainingSettings`.
         workshop: makes the environments.
         gate: judges each turn.
@@ -89,6 +65,7 @@ class ChainTraining:
     experts: Sequence[Demonstrations]
     run: Run
     settings: ChainSettings
+    rollouts: int
     training: TrainingSettings
     workshop: Workshop
     gate: Gate

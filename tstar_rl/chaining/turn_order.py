@@ -1,12 +1,11 @@
 """Whose turn it is: skill after skill, the last one first, or the skill that costs the chain most."""
 
-from typing import Any, Literal
+from typing import Any
 
+from tstar_rl.chaining.chain_settings import Order
 from tstar_rl.chaining.trials import Trial
 
-__all__ = ["Order", "TurnOrder"]
-
-Order = Literal["forward", "backward", "costliest"]
+__all__ = ["TurnOrder"]
 
 
 class TurnOrder:

@@ -11,7 +11,7 @@ from tstar_rl.chaining.chain_training import ChainTraining
 from tstar_rl.chaining.signals import Signal, critic_errors, outcomes_of
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.chaining.training import Distance, Training
-from tstar_rl.rollouts.labelled_sets import Label
+from tstar_rl.rollouts.labels import Label
 from tstar_rl.updates import (
     DiscriminatorSettings,
     DiscriminatorUpdate,

@@ -34,14 +34,14 @@ class Turn(TurnUpdates):
 
     def rollouts(self) -> Iterator[TensorDictBase]:
         """The turn's rollouts (N, T); after the last one the gate judges what the turn has changed."""
-        run, settings = self.run, self.chain.settings
+        run, rollouts = self.run, self.chain.rollouts
         self._before = self._state()
-        for number in range(settings.rollouts):
+        for number in range(rollouts):
             rollout = self._collect(1.0)
             self._log_terminal_states(rollout)
             yield rollout
             row = self._finish_rollout(rollout)
-            if number == settings.rollouts - 1:
+            if number == rollouts - 1:
                 row |= self._end()
             run.log(self.steps, skill=self.index, round=run.turn // len(self.chain.skills), **row)
             if run.improved:

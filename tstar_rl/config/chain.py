@@ -1,12 +1,14 @@
 """From a checked config to the turns of a chain."""
 
 from collections.abc import Iterator
+from dataclasses import fields
 
 from omegaconf import DictConfig
 from torchrl.envs import TransformedEnv
 
 from tstar_rl.chaining import turns
-from tstar_rl.chaining.chain_training import ChainSettings, ChainTraining
+from tstar_rl.chaining.chain_settings import ChainSettings
+from tstar_rl.chaining.chain_training import ChainTraining
 from tstar_rl.chaining.gate import Gate, GateSettings
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.chaining.trials import run_trial
@@ -29,17 +31,6 @@ def chain_turns(config: DictConfig) -> Iterator[Turn]:
     skills = load_skills(config, checkpoint=config.from_checkpoint)
     experts = [load_demonstrations(config, index) for index in range(len(skills))]
     values, frames = config.chain, config.training.num_envs * config.training.horizon
-    same = (
-        "rounds",
-        "seed_episodes",
-        "kept_states",
-        "d_omega_of",
-        "carry_over",
-        "order",
-        "path_steps",
-        "logged_skill",
-        "logged_states",
-    )
     rollouts = max(values.steps_per_turn // frames, 1)
     run = Run(plain(config), None, values.rounds * len(skills) * rollouts * frames, trials=True)
     workshop = _Workshop(config)
@@ -47,7 +38,8 @@ def chain_turns(config: DictConfig) -> Iterator[Turn]:
         skills=skills,
         experts=experts,
         run=run,
-        settings=ChainSettings(rollouts=rollouts, **{name: values[name] for name in same}),
+        settings=ChainSettings(**{field.name: values[field.name] for field in fields(ChainSettings)}),
+        rollouts=rollouts,
         training=training_settings(config, **values.ppo),
         workshop=workshop,
         gate=Gate(

@@ -8,9 +8,11 @@ This imports no torch, so that a mistake in a plain value is told at once.
 """
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
-__all__ = ["SECTIONS", "Config", "SpirlSection"]
+from tstar_rl.chaining.chain_settings import ChainSettings
+
+__all__ = ["SECTIONS", "Config", "Section", "SpirlSection"]
 
 SECTIONS = {
     "cluster": "rollouts.cluster.ClusterSettings",
@@ -23,13 +25,16 @@ SECTIONS = {
     "reward": "transforms.RewardMixture",
     "terminal_reward": "transforms.TerminalStateReward",
     "chain.ppo": "updates.PPOSettings",
+    "feasibility": "updates.LabelledSettings",
+    "proximity": "updates.LabelledSettings",
+    "value_error": "updates.LabelledSettings",
     "spirl.model": "spirl.LatentModelSettings",
     "spirl.model_training": "spirl.ModelTrainingSettings",
     "spirl.policy": "spirl.LatentPolicySettings",
 }
 """Sections whose names and types a class of the library declares, and where it is. A recipe need not have them all."""
 Section = dict[str, Any]
-"""One of `SECTIONS`."""
+"""One of `SECTIONS`. A recipe declares a section of its own as `name=rl.Section`, which imports no torch."""
 
 
 @dataclass(frozen=True)
@@ -89,25 +94,16 @@ class CollectionSection:
 
 
 @dataclass(frozen=True)
-class ChainSection:
-    """Fine-tuning of a chain."""
+class ChainSection(ChainSettings):
+    """Fine-tuning of a chain: what its turns read, and what they are made from."""
 
     links: int | None
-    rounds: int
     steps_per_turn: int
     starts: dict[str, float]
     capacity: int
-    seed_episodes: int
-    kept_states: Literal["all", "chained"]
-    d_omega_of: Literal["next", "own"]
-    carry_over: bool
-    order: Literal["forward", "backward", "costliest"]
-    path_steps: int
     trial_episodes: int
     trial_max_steps: int
     trial_every: int
-    logged_skill: int
-    logged_states: int
     ppo: Section
     gate: bool
     gate_margin: float

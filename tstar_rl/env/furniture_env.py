@@ -10,18 +10,13 @@ from typing import Any, cast
 import torch
 from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
-from torchrl.data import Binary, Bounded, Categorical, Composite, Unbounded
 from torchrl.envs import EnvBase
 
-from tstar_envs import player, rendering
 from tstar_envs.environment import BatchedEnvironment
 from tstar_envs.settings import TaskSettings
-from tstar_envs.tasks.actions import NUM_ACTIONS
-from tstar_envs.tasks.phase_reward import PHASES
-from tstar_rl.env.specs import spec_of
+from tstar_rl.env import showing
+from tstar_rl.env.specs import DONE_KEYS, furniture_specs
 from tstar_rl.env.task_tables import table_geometry
-
-_DONE_KEYS = ("done", "terminated", "truncated")
 
 
 class FurnitureEnv(EnvBase):
@@ -67,7 +62,12 @@ class FurnitureEnv(EnvBase):
         super().__init__(device=world.physics.device, batch_size=torch.Size([num_envs]))
         self.world = world
         self.snapshots = snapshots
-        self._make_specs()
+        snapshot = self.snapshot() if snapshots else None
+        specs = furniture_specs(self.batch_size, world.num_observations, world.num_subtasks, snapshot)
+        self.observation_spec = specs.observation.to(self.device)
+        self.action_spec = specs.action.to(self.device)
+        self.reward_spec = specs.reward.to(self.device)
+        self.done_spec = specs.done.to(self.device)
 
     @property
     def task_name(self) -> str:
@@ -121,30 +121,14 @@ class FurnitureEnv(EnvBase):
         return table_geometry(self.world.task.tables, subtask)
 
     def write_mp4(self, path: str | Path, positions: Tensor) -> bool:
-        """Films joint positions (T, nq); False, after one warning, where nothing can draw."""
-        renderer = rendering.make_renderer(self.world.drawn_model)
-        if renderer is None:
-            return False
-        rendering.write_mp4(path, (renderer.draw(row) for row in positions.cpu()))
-        renderer.close()
-        return True
+        """See `showing.write_mp4`."""
+        return showing.write_mp4(self.world, path, positions)
 
     def write_player(
         self, path: str | Path, episodes: Sequence[Mapping[str, Any]], title: str | None = None
     ) -> Path:
-        """Writes one HTML file that plays episodes in a browser; returns its path.
-
-        Args:
-            path: of the file.
-            episodes: each the arguments of `tstar_envs.player.Episode` by name; see `watching.EpisodeLog.episode`.
-            title: of the page, by default the task's name.
-        """
-        steps = self.world.furniture.steps
-        subtasks = [f"{step.moving_part} to {step.target_part}" for step in steps]
-        recorded = [player.Episode(**episode) for episode in episodes]
-        return player.write_player(
-            path, self.world.drawn_model, recorded, subtasks, PHASES, title or self.task_name
-        )
+        """See `showing.write_player`."""
+        return showing.write_player(self.world, path, episodes, title)
 
     def expert(self, noise: float = 0.0, generator: torch.Generator | None = None) -> Callable:
         """The scripted assembly policy as a map of TensorDicts.
@@ -182,25 +166,6 @@ class FurnitureEnv(EnvBase):
         self.world.restore(state_dict["snapshot"])
         self.world.failures = int(state_dict["failures"])
 
-    def _make_specs(self) -> None:
-        shape = self.batch_size
-        one = torch.Size([*shape, 1])
-        observation = {
-            "observation": Unbounded(torch.Size([*shape, self.world.num_observations])),
-            "subtask": Categorical(self.num_subtasks + 1, one, dtype=torch.int64),
-            "phase": Categorical(len(PHASES), one, dtype=torch.int64),
-            "completed": Categorical(self.num_subtasks + 1, one, dtype=torch.int64),
-            "success": Binary(1, one, dtype=torch.bool),
-        }
-        if self.snapshots:
-            observation["snapshot"] = spec_of(self.snapshot())
-        self.observation_spec = Composite(observation, shape=shape).to(self.device)
-        action = Bounded(-1.0, 1.0, torch.Size([*shape, NUM_ACTIONS]), dtype=torch.float32)
-        self.action_spec = action.to(self.device)
-        self.reward_spec = Composite({"reward_env": Unbounded(one)}, shape=shape).to(self.device)
-        done = {name: Binary(1, one, dtype=torch.bool) for name in _DONE_KEYS}
-        self.done_spec = Composite(done, shape=shape).to(self.device)
-
     def _reset(self, tensordict: TensorDictBase | None = None, **kwargs) -> TensorDictBase:
         mask = torch.ones(self.num_envs, dtype=torch.bool, device=self.device)
         if tensordict is not None and "_reset" in tensordict:
@@ -218,7 +183,7 @@ class FurnitureEnv(EnvBase):
             if bool((injected & ~within).any()):
                 self.world.reset_to(start["snapshot"], injected & ~within)
         running = torch.zeros(self.num_envs, 1, dtype=torch.bool, device=self.device)
-        return self._observe().update({name: running.clone() for name in _DONE_KEYS})
+        return self._observe().update({name: running.clone() for name in DONE_KEYS})
 
     def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
         running = tensordict.get("_step", None)

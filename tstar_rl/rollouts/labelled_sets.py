@@ -3,21 +3,16 @@
 Both keep failures: a network that is to tell where a skill can start must see from where it could not.
 """
 
-from typing import Literal
-
 import torch
 from tensordict import TensorDict
 from torch import Tensor
 
 from tstar_rl.checks import InvalidValueError
+from tstar_rl.rollouts.labels import LABELS, Label
 from tstar_rl.rollouts.state_sets import StateSet
 from tstar_rl.signal_equations import proximity_target
 
-__all__ = ["LABELS", "ApproachSet", "Label", "OutcomeSet"]
-
-Label = Literal["success", "share"]
-LABELS: tuple[Label, ...] = ("success", "share")
-"""What is known of a start: whether the skill then succeeded, and the share of the rest of the chain that was done."""
+__all__ = ["ApproachSet", "OutcomeSet"]
 
 
 class OutcomeSet(StateSet):

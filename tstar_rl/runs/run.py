@@ -38,6 +38,8 @@ MACHINE_ONLY = (
 LOGS = ("metrics", "terminal_states", "calibration", "timing")
 FOLLOWED = ("success_rate", "completed")
 """Columns of the metrics whose running means are kept."""
+WINDOW = 5
+"""Rows over which they run: a new row counts for one in this many."""
 
 
 class Run:
@@ -64,7 +66,7 @@ class Run:
         self.record = {name: value for name, value in config.items() if name not in MACHINE_ONLY}
         self.record["subtask"] = subtask
         self.config, self.total, self.trials = config, total, trials
-        self.env_steps, self.seconds, self.turn = 0, 0.0, 0
+        self.env_steps, self.seconds, self.turn, self.rated = 0, 0.0, 0, 0
         self.recent, self.best, self.improved = dict.fromkeys(FOLLOWED, 0.0), -1.0, False
         self.components: dict[str, Any] = {}
         self.metrics = MetricsLog(self.results / "metrics.csv")
@@ -116,7 +118,7 @@ class Run:
         self.metrics.append({"env_steps": env_steps, **row})
         self.timing.append({"env_steps": env_steps, "minutes": self.seconds / 60, "steps": steps})
         self.bar.update(env_steps - self.bar.n)
-        self.bar.set_postfix(success=f"{self.recent['success_rate']:.2f}")
+        self.bar.set_postfix(success=f"{self.recent['success_rate']:.2f}" if self.rated else "-")
 
     def log_terminal_states(self, env_steps: int, skill: int, poses: Tensor) -> None:
         """Adds one row of terminal_states.csv for each state in which a skill succeeded.
@@ -145,11 +147,17 @@ class Run:
             self.calibration.append({"env_steps": env_steps, "skill": skill, "signal": signal, **numbers})
 
     def _follow(self, row: Mapping[str, Any]) -> None:
-        """Running means of training, and whether this row is the best so far; of equals, the newest is."""
-        for name in FOLLOWED:
-            value = row.get(name, math.nan)
-            if not math.isnan(value):
-                self.recent[name] += 0.2 * (value - self.recent[name])
+        """Running means of training, and whether this row is the best so far; of equals, the newest is.
+
+        The success rate is the plain mean of the rows so far until there are `WINDOW` of them. The subtasks completed
+        are averaged from 0 on: so a policy that succeeds by luck in its first rows is not the best.
+        """
+        success, completed = (row.get(name, math.nan) for name in FOLLOWED)
+        if not math.isnan(success):
+            self.rated += 1
+            self.recent["success_rate"] += (success - self.recent["success_rate"]) / min(self.rated, WINDOW)
+        if not math.isnan(completed):
+            self.recent["completed"] += 0.2 * (completed - self.recent["completed"])
         measured = row.get("trial_progress" if self.trials else "completed", math.nan)
         judged = measured if self.trials else self.recent["completed"]
         self.improved = not math.isnan(measured) and judged >= self.best
@@ -178,6 +186,7 @@ class Run:
             "last_save": self._last_save,
             "turn": self.turn,
             "recent": dict(self.recent),
+            "rated": self.rated,
             "best": self.best,
         }
 
@@ -193,7 +202,7 @@ class Run:
         self.env_steps, self.seconds = int(state["env_steps"]), float(state["seconds"])
         self._last_save, self.turn = int(state["last_save"]), int(state["turn"])
         self.recent = {name: float(state["recent"][name]) for name in FOLLOWED}
-        self.best = float(state["best"])
+        self.rated, self.best = int(state.get("rated", WINDOW)), float(state["best"])  # a run of before: many
         for name in LOGS:
             getattr(self, name).truncate(rows[name])
 

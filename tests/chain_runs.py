@@ -1,0 +1,45 @@
+"""What happens to runs on the point chain in several tests: a kill, and turns that the gate puts back."""
+
+from collections.abc import Callable
+
+import pandas as pd
+import pytest
+
+from tstar_rl.chaining.training import Training
+
+
+@pytest.fixture
+def whole_and_resumed(point_chain, monkeypatch) -> Callable[..., tuple[pd.DataFrame, pd.DataFrame]]:
+    """Runs a recipe twice, as the systems `whole` and `cut`, in turns of one rollout; returns both tables.
+
+    The second run is killed in its fourth turn, and resumed.
+    """
+
+    def run(recipe: str, *values: str) -> tuple[pd.DataFrame, pd.DataFrame]:
+        values = (*values, "chain.steps_per_turn=512")
+        whole = point_chain(recipe, *values, "system=whole")
+        finish = Training._finish_rollout
+
+        def killed(training, rollout):
+            if training.run.turn == 3:
+                raise KeyboardInterrupt
+            return finish(training, rollout)
+
+        with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+            patch.setattr(Training, "_finish_rollout", killed)
+            point_chain(recipe, *values, "system=cut")
+        return whole, point_chain(recipe, *values, "system=cut")
+
+    return run
+
+
+@pytest.fixture
+def spoiled_turns(monkeypatch) -> None:
+    """Every turn leaves a policy that walks backwards: the chain then gets nowhere, and a gate puts the turn back."""
+    finish = Training._finish_rollout
+
+    def spoil(training, rollout):
+        training.skill.policy[0][1].module[0][-1].bias.data[0] = -1.0
+        return finish(training, rollout)
+
+    monkeypatch.setattr(Training, "_finish_rollout", spoil)

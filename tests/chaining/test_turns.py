@@ -1,0 +1,108 @@
+"""What a turn learns from, what it keeps and what it logs, on a chain that trains in seconds."""
+
+import math
+
+import pandas as pd
+import pytest
+import torch
+
+from tstar_rl.chaining.chain import load_chain
+from tstar_rl.chaining.turns import Turn
+
+SHORT = ("chain.gate=false", "chain.steps_per_turn=512", "chain.trial_every=100")
+"""Turns of one rollout, and no trial."""
+
+
+@pytest.mark.parametrize("seed_episodes", [0, 32])
+def test_the_sets_begin_with_what_a_trial_of_the_chain_has_seen_or_empty(
+    seed_episodes, point_chain, monkeypatch
+):
+    sizes = []
+    rollouts = Turn.rollouts
+
+    def watched(turn):
+        if turn.run.turn == 0:
+            sizes.extend((len(s.initiation_set), len(s.termination_set)) for s in turn.chain.skills)
+        yield from rollouts(turn)
+
+    monkeypatch.setattr(Turn, "rollouts", watched)
+    point_chain("tstar", *SHORT, f"chain.seed_episodes={seed_episodes}")
+    if not seed_episodes:
+        assert sizes == [(0, 0)] * 4
+    else:
+        assert sizes[0] == (32, 32) and sizes[1] == sizes[2] == sizes[3] and 0 < sizes[1][0] < 32
+
+
+def test_what_a_chain_carries_over_goes_on_after_a_kill(whole_and_resumed, tmp_path):
+    """A run that is killed in its second skill's second turn and resumed writes the same table as one that was not."""
+    values = ("chain.gate=true", "chain.rounds=2", "chain.links=2", "chain.carry_over=true")
+    whole, resumed = whole_and_resumed("tstar", *values)
+    pd.testing.assert_frame_equal(resumed, whole)
+    places = [tmp_path / f"runs/table_lack/{system}/seed0/last" for system in ("whole", "cut")]
+    for one, other in zip(*map(load_chain, places), strict=True):
+        assert all(torch.equal(v, other.policy.state_dict()[k]) for k, v in one.policy.state_dict().items())
+
+
+@pytest.mark.parametrize("carry_over", [True, False])
+def test_optimisers_and_simulations_are_carried_over_or_made_anew(carry_over, point_chain, monkeypatch):
+    seen = {}
+    rollouts = Turn.rollouts
+
+    def watched(turn):
+        ids = seen.setdefault(turn.index, [])
+        ids.append((id(turn.collection), turn.kept["update_policy"].updates))
+        seen.setdefault("objects", []).append(turn.collection)  # so that no id is used twice
+        yield from rollouts(turn)
+
+    monkeypatch.setattr(Turn, "rollouts", watched)
+    values = ("chain.links=2", "chain.rounds=2", f"chain.carry_over={str(carry_over).lower()}")
+    point_chain("tstar", *SHORT, *values)
+    for index in range(2):
+        (first, none), (second, updates) = seen[index]
+        assert (first == second) is carry_over and none == 0 and updates == (1 if carry_over else 0)
+
+
+@pytest.mark.parametrize("d_omega_of", ["next", "own"])
+def test_whose_d_omega_a_turn_trains(d_omega_of, point_chain, monkeypatch):
+    table = point_chain("tstar", *SHORT, "chain.links=3", f"chain.d_omega_of={d_omega_of}")
+    trained = table.dropna(subset=["d_omega_loss_discriminator"]).skill.unique().tolist()
+    assert trained == ([0, 1] if d_omega_of == "next" else [1, 2])
+
+
+@pytest.mark.parametrize("kept_states", ["all", "chained"])
+def test_which_terminal_states_are_kept(kept_states, point_chain, monkeypatch):
+    """Skill 1's own starts have y > 0.2. Where only chained starts count, a share of its ends has y below that."""
+    counted = {}
+    log = Turn.log
+
+    def note(turn, rollout, row):
+        won = rollout["next", "success"].squeeze(-1)
+        chained = rollout["start_chained"].squeeze(-1) if turn.index else torch.ones_like(won)
+        here = counted.setdefault(turn.index, [0, 0])
+        here[0] += int((won & chained).sum())
+        here[1] += int(won.sum())
+        counted[turn.index, "added"] = turn.skill.termination_set.added
+        log(turn, rollout, row)
+
+    monkeypatch.setattr(Turn, "log", note)
+    values = ("chain.links=2", "chain.seed_episodes=0", f"chain.kept_states={kept_states}")
+    point_chain("tstar", "chain.gate=false", *values)
+    for index in range(2):
+        chained, won = counted[index]
+        assert counted[index, "added"] == (won if kept_states == "all" else chained)
+        assert chained == won if index == 0 else 0 < chained < won
+
+
+def test_the_log_says_how_d_omega_does(point_chain):
+    table = point_chain("tstar", "chain.gate=true", "chain.links=2", "d_omega.steps=256")
+    ends = table.dropna(subset=["trial_progress"])
+    assert ends.skill.tolist() == [0, 1] and (ends.trial_steps > 0).all()
+    first = ends.iloc[0]
+    assert first.handed == 64 and 0 < first.next_success < 1
+    assert first.d_omega_auc > 0.9 and first.d_omega_sd > 0.05
+    assert math.isnan(ends.iloc[1].d_omega_auc)
+
+
+def test_a_d_omega_that_nothing_trains_is_not_judged(point_chain):
+    table = point_chain("policy_sequencing", "chain.gate=true", "chain.links=2")
+    assert "d_omega_auc" not in table and table.next_success.notna().sum() == 1

@@ -1,0 +1,20 @@
+"""A skill of small networks for tests of updates, and what its networks hold."""
+
+import torch
+
+from tstar_rl.chaining.skill import NetworkSettings, Skill
+
+SMALL = NetworkSettings(hidden=(32, 32), std="fixed", action_std=0.3, hand_std=0.3)
+
+
+def small_skill() -> Skill:
+    torch.manual_seed(0)
+    return Skill("point", 0, SMALL)
+
+
+def state_of(module: torch.nn.Module) -> dict[str, torch.Tensor]:
+    return {key: value.clone() for key, value in module.state_dict().items()}
+
+
+def same(a: dict[str, torch.Tensor], b: dict[str, torch.Tensor]) -> bool:
+    return all(torch.equal(a[key], b[key]) for key in a)

@@ -1,0 +1,112 @@
+"""What its update does to a discriminator."""
+
+import math
+
+import pytest
+import torch
+from small_skill import same, state_of
+
+from tstar_rl.models.networks import make_discriminator
+from tstar_rl.updates import (
+    DiscriminatorSettings,
+    DiscriminatorUpdate,
+)
+
+
+def test_a_discriminator_learns_to_tell_apart():
+    torch.manual_seed(0)
+    network = make_discriminator(72, hidden=(32,))
+    settings = DiscriminatorSettings(learning_rate=1e-2, gradient_penalty=0.0)
+    update = DiscriminatorUpdate("d_omega", network, {"initiation": 1.0, "termination": 0.0}, settings)
+    high, low = torch.randn(200, 72) + 1, torch.randn(200, 72) - 1
+    log = update(termination=low, initiation=high)  # by name: their order does not matter
+    assert float(network(high).detach().mean()) > float(network(low).detach().mean()) + 0.5
+    assert log["d_omega_initiation_score"] > log["d_omega_termination_score"]
+    with pytest.raises(
+        TypeError, match="d_omega takes observations of initiation, termination; got expert, agent"
+    ):
+        update(expert=high, agent=low)
+
+
+def two_sides(one: float, other: float) -> list[dict[str, torch.Tensor]]:
+    """Initiation and termination sets at two seams, apart along one number each."""
+    sides = []
+    for slot, sign in ((0, one), (1, other)):
+        states = torch.randn(200, 72, generator=torch.Generator().manual_seed(slot))
+        initiation, termination = states.clone(), states.clone()
+        initiation[:, slot] += sign
+        termination[:, slot] -= sign
+        sides.append({"initiation": initiation, "termination": termination})
+    return sides
+
+
+def test_a_discriminator_of_two_sides_tells_apart_at_both():
+    labels = {"initiation": 1.0, "termination": 0.0}
+    settings = DiscriminatorSettings(learning_rate=1e-2, gradient_penalty=0.0, steps=200)
+
+    def gaps(sides: list[dict[str, torch.Tensor]], used: slice) -> list[float]:
+        torch.manual_seed(0)
+        network = make_discriminator(72, hidden=(32,))
+        DiscriminatorUpdate("d", network, labels, settings).on_sides(sides[used])
+        said = [{kind: network(rows).detach().mean() for kind, rows in side.items()} for side in sides]
+        return [float(each["initiation"] - each["termination"]) for each in said]
+
+    sides = two_sides(1.5, -1.5)
+    assert min(gaps(sides, slice(0, 2))) > 0.4
+    first = gaps(sides, slice(0, 1))
+    assert first[0] > 0.4 > abs(first[1])  # what T-STAR's has: one side
+
+
+def test_one_side_of_weight_one_is_the_plain_update_and_an_empty_side_is_none():
+    labels, side = {"initiation": 1.0, "termination": 0.0}, two_sides(1.0, 1.0)[0]
+    found = []
+    for number in range(3):
+        torch.manual_seed(0)
+        network = make_discriminator(72, hidden=(8,))
+        update = DiscriminatorUpdate("d", network, labels, DiscriminatorSettings(steps=5))
+        empty = {"initiation": torch.zeros(0, 1), "termination": side["termination"]}
+        log = update(**side) if number == 0 else update.on_sides([side, empty][:number], weight=1.0)
+        found.append((log, state_of(network)))
+        assert update.on_sides([empty]) == {}
+    assert found[0][0] == found[1][0] == found[2][0]
+    assert same(found[0][1], found[1][1]) and same(found[0][1], found[2][1])
+    with pytest.raises(TypeError, match="the update of d takes observations of initiation, termination; got"):
+        update.on_sides([{"expert": side["initiation"]}])
+
+
+@pytest.mark.parametrize("steps", [1, 5])
+def test_an_update_takes_the_steps_and_the_minibatch_that_are_asked_for(steps, monkeypatch):
+    torch.manual_seed(0)
+    settings = DiscriminatorSettings(steps=steps, minibatch=7)
+    update = DiscriminatorUpdate(
+        "f_phi", make_discriminator(72, hidden=(8,)), {"expert": 1.0, "agent": -1.0}, settings
+    )
+    sizes, draw = [], update._draw
+    monkeypatch.setattr(update, "_draw", lambda rows: sizes.append(len(draw(rows))) or draw(rows))
+    update(expert=torch.randn(20, 72), agent=torch.randn(30, 72))
+    assert sizes == [7] * 2 * steps
+    taken = [state["step"] for state in update.optimizer.state.values()]
+    assert taken and all(int(step) == steps for step in taken)
+
+
+def test_an_empty_set_is_no_update():
+    network = make_discriminator(72)
+    before = state_of(network)
+    update = DiscriminatorUpdate("f_phi", network, {"expert": 1.0, "agent": -1.0}, DiscriminatorSettings())
+    assert update(expert=torch.zeros(0, 72), agent=torch.zeros(3, 72)) == {}
+    assert same(before, state_of(network))
+
+
+def test_bfloat16_is_coarser_and_keeps_parameters_in_float32():
+    torch.manual_seed(0)
+    network, rows = make_discriminator(72), torch.randn(300, 72)
+    exact = network(rows).detach()
+    settings = DiscriminatorSettings(bfloat16=True, steps=3)
+    update = DiscriminatorUpdate("f_phi", network, {"expert": 1.0, "agent": -1.0}, settings)
+    coarse = network(rows).detach()
+    assert coarse.dtype == torch.float32 and not torch.equal(coarse, exact)
+    torch.testing.assert_close(coarse, exact, atol=0.03, rtol=0.03)
+    log = update(expert=rows, agent=rows + 1)
+    assert all(math.isfinite(value) for value in log.values())
+    assert {value.dtype for value in network.parameters()} == {torch.float32}
+    assert not torch.equal(network(rows), coarse)

@@ -1,0 +1,113 @@
+"""What PPO does to a policy and its value network."""
+
+import copy
+
+import pytest
+import torch
+from small_skill import same, small_skill, state_of
+from tensordict import TensorDict
+from torchrl.objectives.value import GAE
+
+from tstar_rl.chaining.skill import Skill
+from tstar_rl.models.return_scale import ReturnScale
+from tstar_rl.rollouts.collection import Collection, with_starts
+from tstar_rl.transforms import RewardMixture
+from tstar_rl.updates import (
+    PolicyUpdate,
+    PPOSettings,
+)
+
+
+def rollouts(make_env, skill: Skill, horizon: int = 16) -> Collection:
+    return Collection(with_starts(make_env(num_envs=16, snapshots=False)), skill.policy, horizon)
+
+
+def test_ppo_learns_to_move(make_env):
+    skill = small_skill()
+    collection = rollouts(make_env, skill)
+    rates = {"learning_rate": 3e-3, "linear_decay": False, "entropy_coeff": 0.0}
+    update = PolicyUpdate(
+        skill.policy,
+        skill.value,
+        PPOSettings(minibatch=64, normalize_returns=True, **rates),
+        skill.return_scale,
+    )
+    reward = RewardMixture({"env": 1.0}, reward_scale=1.0)
+    obs = TensorDict({"observation": torch.zeros(1, 72)}, [1])
+    before = float(skill.policy.get_dist(obs).mean[0, 0].detach())
+    for _ in range(10):
+        update(reward(collection.rollout()))
+    assert float(skill.policy.get_dist(obs).mean[0, 0].detach()) > before + 0.2
+
+
+def test_critic_warmup_leaves_the_actor_alone(make_env):
+    skill = small_skill()
+    update = PolicyUpdate(skill.policy, skill.value, PPOSettings(critic_warmup=1), skill.return_scale)
+    collection, reward = rollouts(make_env, skill), RewardMixture({"env": 1.0})
+    policy, value = state_of(skill.policy), state_of(skill.value)
+    log = update(reward(collection.rollout()))
+    assert log["actor_steps"] == 0 and same(policy, state_of(skill.policy))
+    assert not same(value, state_of(skill.value))
+    assert update(reward(collection.rollout()))["actor_steps"] > 0
+    assert not same(policy, state_of(skill.policy))
+
+
+def test_kl_stop_holds_the_actor_and_not_the_critic(make_env):
+    skill = small_skill()
+    settings = PPOSettings(learning_rate=1e-2, kl_stop=1e-3, minibatch=64)
+    update = PolicyUpdate(skill.policy, skill.value, settings, skill.return_scale)
+    log = update(RewardMixture({"env": 1.0})(rollouts(make_env, skill).rollout()))
+    assert log["kl"] > 1e-3
+    assert log["actor_steps"] < log["critic_steps"] == 10 * 16 * 16 // 64
+
+
+def test_an_update_goes_on_from_its_state(make_env):
+    reward = RewardMixture({"env": 1.0})
+    first = small_skill()
+    collection = rollouts(make_env, first)
+    batches = [reward(collection.rollout()).clone() for _ in range(2)]
+    update = PolicyUpdate(first.policy, first.value, PPOSettings(minibatch=64), first.return_scale)
+    update(batches[0])
+    second = small_skill()
+    resumed = PolicyUpdate(
+        second.policy, second.value, PPOSettings(minibatch=64), second.return_scale, seed=9
+    )
+    second.load_network_state(first.network_state())
+    resumed.load_state_dict(copy.deepcopy(update.state_dict()))
+    assert update(batches[1]) == resumed(batches[1])
+    assert same(state_of(first.policy), state_of(second.policy))
+
+
+def test_values_of_next_states_are_looked_at_once_and_right():
+    """As TorchRL's GAE on both states of every step, where episodes end and are truncated in the middle."""
+    torch.manual_seed(0)
+    skill = small_skill()
+    sequence, done = torch.randn(5, 8, 72), torch.rand(5, 7, 1) < 0.3
+    following = sequence[:, 1:].clone()
+    following[done.squeeze(-1)] = torch.randn(int(done.sum()), 72)
+    step = {"observation": following, "reward": torch.randn(5, 7, 1), "done": done}
+    step["terminated"] = done & (torch.rand(5, 7, 1) < 0.5)
+    rollout = TensorDict({"observation": sequence[:, :-1], "next": step}, [5, 7])
+    update = PolicyUpdate(skill.policy, skill.value, PPOSettings(), ReturnScale())
+    expected = GAE(gamma=0.99, lmbda=0.95, value_network=skill.value, deactivate_vmap=True)(rollout.clone())
+    found = update.gae(update._with_values(rollout.clone()))
+    assert (done & ~step["terminated"]).any()
+    torch.testing.assert_close(found["advantage"], expected["advantage"])
+    torch.testing.assert_close(found["value_target"], expected["value_target"])
+
+
+def test_the_critic_in_bfloat16_learns_and_the_actor_is_not_touched(make_env):
+    rollout = RewardMixture({"env": 1.0})(rollouts(make_env, small_skill()).rollout())
+    found = {}
+    for coarse in (False, True):
+        skill = small_skill()
+        settings = PPOSettings(minibatch=64, epochs=1, critic_bfloat16=coarse)
+        update = PolicyUpdate(skill.policy, skill.value, settings, skill.return_scale)
+        encoded = update._with_advantage(rollout.clone())["encoded"]
+        values = update.critic.module(encoded).detach()
+        log = update(rollout.clone())
+        found[coarse] = values, log["loss_critic"], state_of(skill.value)
+    assert found[True][0].dtype == torch.float32 and not torch.equal(found[True][0], found[False][0])
+    torch.testing.assert_close(found[True][0], found[False][0], atol=0.05, rtol=0.05)
+    assert found[True][1] == pytest.approx(found[False][1], rel=0.05)
+    assert not same(found[True][2], found[False][2])

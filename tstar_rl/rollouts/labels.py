@@ -1,0 +1,9 @@
+"""What a signal may learn of a start. This imports no torch, so that a recipe can name it before anything is loaded."""
+
+from typing import Literal
+
+__all__ = ["LABELS", "Label"]
+
+Label = Literal["success", "share"]
+LABELS: tuple[Label, ...] = ("success", "share")
+"""What is known of a start: whether the skill then succeeded, and the share of the rest of the chain that was done."""
