@@ -57,7 +57,11 @@ def test_what_a_user_may_add():
         ("gail_ppo", "+from_checkpoint=best", "the config has no from_checkpoint"),
         ("bench", "+bench.step=1", "bench has no step; it has .*did you mean steps"),
         ("gail_ppo", "~training.horizon", "training lacks horizon, which must be a whole number"),
-        ("tstar", "chain.order=sideways", "chain.order must be forward or backward or costliest, got 'sideways'"),
+        (
+            "tstar",
+            "chain.order=sideways",
+            "chain.order must be forward or backward or costliest, got 'sideways'",
+        ),
         ("proximity", "chain.path_steps=-1", "chain.path_steps must be a whole number from 0, got -1"),
         ("feasibility", "label=successes", "label must be success or share, got 'successes'"),
         ("feasibility", "feasibility.floor=0", "feasibility.floor must be positive, got 0"),
