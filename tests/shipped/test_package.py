@@ -38,6 +38,18 @@ def test_a_chain_is_complete_and_small(task, variant):
     assert rollout["action"].shape == (2, 3, 9) and rollout["action"].isfinite().all()
 
 
+@pytest.mark.parametrize(("task", "variant"), NAMES)
+def test_the_page_has_the_figures_that_are_recorded(task, variant):
+    record = load_pretrained(task, variant).record
+    rows = (ROOT / "docs/usage.md").read_text().splitlines()
+    cells = next(row for row in rows if row.startswith(f"| `{task}/{variant}` |")).split(" | ")
+    sure, sampled = record["figures"]["deterministic"], record["figures"]["stochastic"]
+    assert cells[1] == record["says"] and cells[2] == f"{sure['progress']:.3f}"
+    assert cells[3].startswith(f"{sure['success']:.3f} ") and cells[4] == f"{sampled['progress']:.3f}"
+    assert int(cells[5]) == sure["episodes"] and int(cells[6]) == record["seed"]
+    assert record["versions"]["commit"].startswith(cells[7].removesuffix(" |"))
+
+
 def test_every_file_of_them_is_in_the_wheel_and_kept_to_the_byte_by_git():
     patterns = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["package-data"]
     package = ROOT / "tstar_rl"
