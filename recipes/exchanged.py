@@ -27,7 +27,7 @@ _EXCHANGED = 6  # evaluation's seeds 0 to 5 are other recipes'
 @recipe("exchanged", checkpoint=str, from_checkpoint=str)
 def main(config: DictConfig) -> None:
     """Measures one chain, writes and prints its table."""
-    before, after = load_skills(config, config.from_checkpoint), chain_of(config)
+    before, after = load_skills(config, config.from_checkpoint), chain_of(config, config.system)
     make = partial(env_at_seam, config, derive_seed(config.seed, "evaluate", _EXCHANGED))
     rows = []
     for each in exchange_skills(before, after, make, config.evaluation.episodes):

@@ -18,36 +18,26 @@ from tensordict import TensorDictBase
 from torchrl.envs import ExplorationType, set_exploration_type
 
 from tstar_rl.analysis import hand_over_matrix, save_figure
-from tstar_rl.chaining.chain import load_chain
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.config.build import environment
-from tstar_rl.config.chain import load_skills
 from tstar_rl.config.load import recipe
+from tstar_rl.config.seams import chain_of
 from tstar_rl.intervals import wilson_interval
 from tstar_rl.rollouts.episodes import run_episodes
 from tstar_rl.rollouts.state_sets import TerminationSet
 from tstar_rl.runs.csv_tables import append_rows
-from tstar_rl.runs.run_folder import run_path
 from tstar_rl.seeds import derive_seed
 
 
 @recipe("hand_over", checkpoint=str, systems=tuple[str, ...])
 def main(config: DictConfig) -> None:
     """Tries every chain, writes and prints the table."""
-    rows = [row for system in config.systems for row in _follow(config, system, _skills(config, system))]
+    rows = [row for system in config.systems for row in _follow(config, system, chain_of(config, system))]
     path = Path(config.results_dir) / config.task.name / "hand_over.csv"
     table = append_rows(path, rows, ("system", "seed", "checkpoint", "subtask"))
     print(table.round(3).to_string(index=False))
     chosen = table[table.checkpoint == config.checkpoint]
     print(save_figure(hand_over_matrix(chosen), path.with_suffix(".png")))
-
-
-def _skills(config: DictConfig, system: str) -> list[Skill]:
-    if system == "no_finetuning":
-        return load_skills(config, config.checkpoint)
-    run = run_path(config.runs_dir, config.task.name, system, config.seed)
-    chain = load_chain(run / config.checkpoint, task=config.task.name)
-    return [skill.to(config.device) for skill in chain]
 
 
 def _follow(config: DictConfig, system: str, skills: Sequence[Skill]) -> list[dict[str, Any]]:

@@ -46,7 +46,7 @@ _OWN, _CHAIN, _INFLUENCE = 3, 4, 5
 @recipe("hand_over_gap", checkpoint=str, floors=tuple[float, ...], influence_starts=int, influence_times=int)
 def main(config: DictConfig) -> None:
     """Measures one chain, writes and prints both tables."""
-    place, skills = Path(config.results_dir) / config.task.name, chain_of(config)
+    place, skills = Path(config.results_dir) / config.task.name, chain_of(config, config.system)
     chain = {"system": config.system, "seed": config.seed, "checkpoint": config.checkpoint}
     own = [_own_successes(config, index, skill) for index, skill in enumerate(skills)]
     parts = part_names(config.task.name)

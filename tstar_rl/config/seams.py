@@ -16,11 +16,11 @@ UNTRAINED = "no_finetuning"
 """The system of skills as they were trained, chained."""
 
 
-def chain_of(config: DictConfig) -> list[Skill]:
-    """The skills of config.system, at config.checkpoint, in order."""
-    if config.system == UNTRAINED:
+def chain_of(config: DictConfig, system: str) -> list[Skill]:
+    """The skills of a system at config.checkpoint, in order."""
+    if system == UNTRAINED:
         return load_skills(config, config.checkpoint)
-    run = run_path(config.runs_dir, config.task.name, config.system, config.seed)
+    run = run_path(config.runs_dir, config.task.name, system, config.seed)
     return [skill.to(config.device) for skill in load_chain(run / config.checkpoint, task=config.task.name)]
 
 
