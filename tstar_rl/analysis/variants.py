@@ -7,6 +7,7 @@ from typing import Any
 import yaml
 
 from tstar_rl.checks import InvalidValueError
+from tstar_rl.runs.run_folder import UNTRAINED
 
 __all__ = ["FOLDER", "SKILLS", "Ablation", "Variant", "names", "parse", "read"]
 
@@ -38,7 +39,7 @@ class Variant:
 
     @property
     def trains(self) -> bool:
-        return self.system != "no_finetuning"
+        return self.system != UNTRAINED
 
     def first(self) -> "Variant":
         """The first variant of any ablation that runs the same: that one is run, and the others get its tables."""

@@ -8,12 +8,9 @@ from tstar_rl.chaining.skill import Skill
 from tstar_rl.config.build import environment
 from tstar_rl.config.chain import load_skills
 from tstar_rl.rollouts.state_sets import TerminationSet
-from tstar_rl.runs.run_folder import run_path
+from tstar_rl.runs.run_folder import UNTRAINED, run_path
 
-__all__ = ["UNTRAINED", "chain_of", "env_at_seam"]
-
-UNTRAINED = "no_finetuning"
-"""The system of skills as they were trained, chained."""
+__all__ = ["chain_of", "env_at_seam"]
 
 
 def chain_of(config: DictConfig, system: str) -> list[Skill]:

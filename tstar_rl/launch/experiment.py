@@ -12,12 +12,11 @@ from typing import Any
 
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.launch.side_by_side import Step, mean_bonus
-from tstar_rl.runs.run_folder import run_path
+from tstar_rl.runs.run_folder import UNTRAINED, run_path
 
 __all__ = ["Arm", "DeclaredExperiment", "parse_experiment", "publish", "with_bonus", "without_bonus"]
 
 SKILLS = "gail_ppo"
-UNTRAINED = "no_finetuning"
 TABLES = ("config.yaml", "metrics.csv", "evaluation.csv", "calibration.csv")
 BONUS = "bonus_of="
 """Stands in a step's values for a bonus that is known once another arm has been trained."""

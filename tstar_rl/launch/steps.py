@@ -18,7 +18,7 @@ from tstar_rl.config.load import plain
 from tstar_rl.launch.side_by_side import Step
 from tstar_rl.runs.checkpoint import CheckpointMismatchError, differences
 from tstar_rl.runs.run import MACHINE_ONLY
-from tstar_rl.runs.run_folder import run_path
+from tstar_rl.runs.run_folder import UNTRAINED, run_path
 
 __all__ = ["evaluated_runs", "is_done", "missing", "run_folder", "step_config", "step_files"]
 
@@ -95,7 +95,7 @@ def evaluated_runs(config: DictConfig) -> list[Path]:
 
     That is one run; without fine-tuning it is the run of each skill of the chain.
     """
-    if not Path(config.system).name.startswith("no_finetuning"):
+    if not Path(config.system).name.startswith(UNTRAINED):
         return [run_folder(config, "runs_dir")]
     skills = (config.runs_dir, config.task.name, config.skills, config.seed)
     return [run_path(*skills, index) for index in range(chain_length(config))]

@@ -13,7 +13,10 @@ import yaml
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.runs.files import replacing, turn_to_write
 
-__all__ = ["Place", "made_by", "note_evaluation", "read_run_path", "run_path", "write_config"]
+__all__ = ["UNTRAINED", "Place", "made_by", "note_evaluation", "read_run_path", "run_path", "write_config"]
+
+UNTRAINED = "no_finetuning"
+"""The system of a chain whose skills are as they were trained alone: there is no recipe, and no run, of that name."""
 
 CODE = ("*.py", "configs", "envs", "pyproject.toml")
 """What decides a run's figures, from the repository's root: a change there is recorded."""

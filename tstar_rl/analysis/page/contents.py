@@ -5,6 +5,8 @@ from pathlib import Path
 
 import yaml
 
+from tstar_rl.runs.run_folder import UNTRAINED
+
 __all__ = ["Contents", "Entry", "read_contents"]
 
 FILE = "contents.yaml"
@@ -22,7 +24,7 @@ class Entry:
     """one: arms of several commits are refused; several: the page says which."""
     pairs: tuple[tuple[str, str], ...] = ()
     """Arms that are compared: first less second."""
-    reference: str = "no_finetuning"
+    reference: str = UNTRAINED
     """The arm over which, of several tasks, the improvement of the others is shown."""
 
     @property
