@@ -2,10 +2,12 @@
 
     python recipes/feasibility.py task=table_lack scale=laptop seed=0
     python recipes/feasibility.py label=share system=feasibility_share seed=0
+    python recipes/feasibility.py hard_starts=0.5 reward.weights.tsr=0 system=hard_starts seed=0  # pays nothing
 
 F learns from every start of the next skill and what came of it, failures too: those in trials of the chain, and those
 in the next skill's own turns. Its label is whether the next skill succeeded, or the share of the rest of the chain that
-was then done. Control: `policy_sequencing.py` with the constant bonus that F paid on average.
+was then done. With hard_starts, that share of chained starts is drawn where F expects the skill itself to fail.
+Control: `policy_sequencing.py` with the constant bonus that F paid on average.
 """
 
 from omegaconf import DictConfig
@@ -13,13 +15,16 @@ from omegaconf import DictConfig
 import tstar_rl as rl
 
 
-@rl.recipe("feasibility", label=rl.Label, feasibility=rl.Section, from_checkpoint=str)
+@rl.recipe("feasibility", label=rl.Label, hard_starts=float, feasibility=rl.Section, from_checkpoint=str)
 def main(config: DictConfig) -> None:
     """As T-STAR, with F in the place of d_omega."""
     f_phi = rl.settings(rl.DiscriminatorSettings, config.f_phi)
     learning = rl.settings(rl.LabelledSettings, config.feasibility)
     for turn in rl.chain_turns(config):
         skill, following, later = turn.skill, turn.following, None
+        if config.hard_starts:
+            own = rl.FeasibilityReward(skill.network("feasibility", learning.floor))
+            turn.begin_where_it_fails(own.said, config.hard_starts)
         update_policy = turn.policy_update()
         update_f_phi = turn.discriminator_update("f_phi", skill, f_phi, expert=1.0, agent=-1.0)
         terms = {"gail": rl.GAILReward(skill.f_phi)}

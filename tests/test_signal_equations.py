@@ -32,6 +32,15 @@ def test_outcome_loss_is_least_at_the_mean_outcome(share):
     assert equations.feasibility(logits[costs.argmin()]).item() == pytest.approx(share, abs=0.005)
 
 
+def test_starts_are_drawn_by_expected_failure():
+    # Failures of .2, .8 and 0, with the sum 1; half of the draws are by failure, a third of the others each.
+    expected = torch.tensor([0.8, 0.2, 1.0])
+    weights = equations.start_weights(expected, 0.5)
+    assert_close(weights, torch.tensor([1 / 6 + 0.1, 1 / 6 + 0.4, 1 / 6]))
+    assert_close(equations.start_weights(expected, 0.0), torch.full((3,), 1 / 3))
+    assert_close(equations.start_weights(torch.ones(4), 1.0), torch.full((4,), 0.25))  # no failure expected
+
+
 def test_remaining_share_looks_ahead():
     # Three skills are left. A failure: none is done. A success and half of the two after it: (1 + 1) / 3.
     succeeded, later = torch.tensor([0.0, 1.0, 1.0, 1.0]), torch.tensor([0.9, 0.5, 0.0, 1.0])

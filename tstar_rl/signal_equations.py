@@ -56,6 +56,23 @@ def remaining_share(succeeded: Tensor, later: Tensor, remaining: int) -> Tensor:
     return succeeded * (1.0 + (remaining - 1) * later) / remaining
 
 
+def start_weights(expected: Tensor, share: float) -> Tensor:
+    """How likely each of n starts is to be drawn: (1 - s) / n + s (1 - F) / sum(1 - F), s the share drawn by failure.
+
+    Args:
+        expected: F of the skill that begins there, (n,), in [0, 1].
+        share: s, in [0, 1]; 0: all starts alike.
+
+    Returns:
+        (n,), with the sum 1. Where no failure is expected anywhere, all starts are alike.
+
+    Source: ours.
+    """
+    alike = torch.full_like(expected, 1 / len(expected))
+    failing = 1.0 - expected
+    return alike if not failing.any() else (1.0 - share) * alike + share * failing / failing.sum()
+
+
 def temporal_difference(
     reward: Tensor, value: Tensor, next_value: Tensor, terminated: Tensor, gamma: float
 ) -> Tensor:

@@ -115,6 +115,30 @@ def test_starts_of_the_next_skills_turns_join_its_outcomes(point_chain, monkeypa
     assert second - first == number > 20
 
 
+def test_hard_starts_are_those_where_f_expects_failure(point_chain, monkeypatch):
+    """Skill 1 fails at y < 0. In its second turn F knows, and its chained episodes begin there more often."""
+    began = {}
+    log = Turn.log
+
+    def note(turn, rollout, row):
+        if turn.index == 1:
+            chained = rollout["start_observation"][rollout["start_chained"].squeeze(-1)]
+            began.setdefault(share, []).append(float((chained[:, 1] < 0).float().mean()))
+        log(turn, rollout, row)
+
+    monkeypatch.setattr(Turn, "log", note)
+    values = (
+        *TWO,
+        "chain.trial_every=100",
+        "reward.weights.tsr=0",
+        *OWN["feasibility"],
+        "feasibility.steps=256",
+    )
+    for share in (0.0, 1.0):
+        point_chain("feasibility", *values, f"hard_starts={share}", f"system=hard_{share}")
+    assert began[0.0][-1] < 0.65 and began[1.0][-1] > 0.85
+
+
 def test_a_critics_error_is_learned_in_its_own_turn_and_doubts_it_in_the_next(point_chain, tmp_path):
     """Forward, skill 0's first turn trusts skill 1's critic: its error is not known yet."""
     table = point_chain("hand_over_value", *TWO, "chain.rounds=1")

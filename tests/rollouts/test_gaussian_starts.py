@@ -6,7 +6,8 @@ from torchrl.envs import ExplorationType, set_exploration_type
 from tstar_rl import FurnitureEnv
 from tstar_rl.rollouts.collection import with_starts
 from tstar_rl.rollouts.episodes import run_episodes
-from tstar_rl.rollouts.state_sets import TerminalGaussian, TerminationSet
+from tstar_rl.rollouts.state_sets import TerminationSet
+from tstar_rl.rollouts.terminal_gaussian import TerminalGaussian
 
 PARTS = slice(29, 64)
 

@@ -6,7 +6,8 @@ from tensordict import TensorDict, assert_close
 
 from tstar_rl.rollouts.collection import with_starts
 from tstar_rl.rollouts.starts import MixedStarts, check_shares, gaussian_counts, make_starts
-from tstar_rl.rollouts.state_sets import TerminalGaussian, TerminationSet
+from tstar_rl.rollouts.state_sets import TerminationSet
+from tstar_rl.rollouts.terminal_gaussian import TerminalGaussian
 
 
 def seeded(seed: int = 0) -> torch.Generator:

@@ -5,7 +5,8 @@ import torch
 from tensordict import TensorDict, assert_close
 from torchrl.envs import TransformedEnv
 
-from tstar_rl.rollouts.state_sets import InitiationSet, StateSet, TerminalGaussian, TerminationSet
+from tstar_rl.rollouts.state_sets import InitiationSet, StateSet, TerminationSet
+from tstar_rl.rollouts.terminal_gaussian import TerminalGaussian
 from tstar_rl.transforms import EpisodeStart, SkillChainReset
 
 
@@ -53,6 +54,28 @@ def test_sampling_follows_the_generator():
     drawn = states.sample(1000, seeded())["observation"]
     assert set(drawn.flatten().tolist()) == set(range(10))
     assert StateSet(10).sample(5, seeded()).batch_size == (0,)
+
+
+def test_a_termination_set_is_drawn_by_its_weights_until_it_changes():
+    states = termination_set(torch.tensor([[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]]))
+
+    def drawn() -> list[int]:
+        found = states.sample(4000, seeded())["snapshot", "physics"][:, 0]
+        return [int((found == position).sum()) for position in (0.0, 1.0, 2.0)]
+
+    states.weigh(torch.tensor([0.0, 1.0, 3.0]))
+    none, some, most = drawn()
+    assert none == 0 and 900 < some < 1100 and some + most == 4000  # 1000, with a deviation of 27
+    states.extend(states.all()[:1])
+    first, second, third = drawn()  # the first of three is there twice
+    assert 1850 < first < 2150 and 850 < second < 1150 and first + second + third == 4000
+
+
+@pytest.mark.parametrize("weights", [[1.0], [1.0, -1.0, 1.0], [0.0, 0.0, 0.0]])
+def test_weights_that_are_none_are_refused(weights):
+    states = termination_set(torch.zeros(3, 2))
+    with pytest.raises(ValueError, match="a set of 3 states needs as many weights"):
+        states.weigh(torch.tensor(weights))
 
 
 def test_sets_grow_from_the_successes_of_a_rollout(rollout):

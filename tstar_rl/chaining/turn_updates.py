@@ -4,6 +4,7 @@ from collections.abc import Callable
 from itertools import pairwise
 from typing import Any, NamedTuple, TypeVar
 
+import torch
 from tensordict import TensorDictBase
 from torch import Tensor
 
@@ -11,7 +12,10 @@ from tstar_rl.chaining.chain_training import ChainTraining
 from tstar_rl.chaining.signals import Signal, critic_errors, outcomes_of
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.chaining.training import Distance, Training
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.rollouts.labels import Label
+from tstar_rl.rollouts.ray_collection import RayCollection
+from tstar_rl.signal_equations import start_weights
 from tstar_rl.updates import (
     DiscriminatorSettings,
     DiscriminatorUpdate,
@@ -43,6 +47,7 @@ class TurnUpdates(Training):
     Attributes:
         index: of the skill, 0-based.
         skill: trained in this turn.
+        previous: the skill before; None before the first.
         following: the next skill; None after the last.
         seam: the skills whose states d_omega is trained on in this turn; None where there is no such seam.
         seams: that with the skill before and that with the next skill, those that there are.
@@ -59,7 +64,7 @@ class TurnUpdates(Training):
             collection = self.kept["collection"] = chain.workshop.collection(skills[index], seed, before)
             chain.restore(index, "collection")
         super().__init__(skills[index], chain.experts[index], chain.run, chain.training, collection, seed)
-        self.chain, self.index = chain, index
+        self.chain, self.index, self.previous = chain, index, previous
         self.following = skills[index + 1] if index + 1 < len(skills) else None
         seam = (self.skill, self.following) if chain.settings.d_omega_of == "next" else (previous, self.skill)
         self.seam = None if None in seam else Seam(*seam)  # pyright: ignore[reportArgumentType]
@@ -101,6 +106,24 @@ class TurnUpdates(Training):
         if self.index == 0 or self.chain.settings.kept_states == "all":
             return rollout
         return rollout[rollout["start_chained"].squeeze(-1)]
+
+    def begin_where_it_fails(self, expected: Callable[[Tensor], Tensor], share: float) -> None:
+        """Draws a share of the chained starts by how little is expected of the skill there, in this turn.
+
+        Args:
+            expected: observations (n, O) -> (n, 1) in [0, 1], how likely the skill is to succeed from there.
+            share: in [0, 1]; the other starts are drawn uniformly. Starts of a Gaussian take a member's welds by it.
+
+        Raises:
+            InvalidValueError: if workers of a cluster collect; they draw starts from copies of the set.
+        """
+        if isinstance(self.collection, RayCollection):
+            raise InvalidValueError("starts by expected failure need collection.backend=local, got ray")
+        if self.previous is None or not len(self.previous.termination_set):
+            return
+        states = self.previous.termination_set
+        with torch.no_grad():
+            states.weigh(start_weights(expected(states.observations()).squeeze(-1), share))
 
     def signal(self, name: str, signal: AnySignal, label: Label = "success") -> AnySignal:
         """Notes that a signal pays this turn, so that it is judged at the end by a label; returns the signal."""

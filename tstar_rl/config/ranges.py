@@ -58,6 +58,7 @@ KINDS_OF_NUMBERS = {
     "demonstrations.noise": "not_negative",
     "training.demonstration_starts": "share",
     "bonus": "share",
+    "hard_starts": "share",
 }
 """Of each other number, its kind: see `checks.RANGES`."""
 NOT_EMPTY = ("checkpoints", "kinds", "modes", "only", "scales", "seeds", "systems", "tasks")

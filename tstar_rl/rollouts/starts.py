@@ -10,7 +10,8 @@ from torch import Tensor
 from torchrl.envs import Compose, TransformedEnv
 
 from tstar_rl.checks import InvalidValueError
-from tstar_rl.rollouts.state_sets import TerminalGaussian, TerminationSet
+from tstar_rl.rollouts.state_sets import TerminationSet
+from tstar_rl.rollouts.terminal_gaussian import TerminalGaussian
 from tstar_rl.transforms import SkillChainReset
 from tstar_rl.transforms.skill_chain_reset import Starts
 

@@ -1,18 +1,18 @@
-"""Initiation and termination sets, and the Gaussian that Policy Sequencing fits to a termination set.
+"""Initiation and termination sets: rings on TorchRL's replay buffer that keep the newest `capacity` states.
 
-A set is a ring on TorchRL's replay buffer: the newest `capacity` states. Rows are drawn uniformly, with
-replacement, with a generator that the caller owns, so that a run can be resumed to the bit.
+Rows are drawn with replacement, uniformly unless a termination set has been given weights, with a generator that the
+caller owns, so that a run can be resumed to the bit.
 """
 
 from collections.abc import Mapping
-from typing import Any, Protocol
+from typing import Any
 
 import torch
 from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
 
-__all__ = ["InitiationSet", "StateSet", "TerminalGaussian", "TerminationSet"]
+__all__ = ["InitiationSet", "StateSet", "TerminationSet"]
 
 
 class StateSet:
@@ -131,72 +131,33 @@ class TerminationSet(StateSet):
     Source: the paper, algorithm 1 line 12.
     """
 
+    _weights: Tensor | None = None
+    _weighed_at = -1
+
+    def weigh(self, weights: Tensor) -> None:
+        """Draws states by these weights from now on, until the set changes. They are no part of the set's state.
+
+        Args:
+            weights: (len(self),), in the order of `all()`; not negative, with a positive sum.
+
+        Raises:
+            ValueError: if there is not one such weight for each state.
+        """
+        fit = weights.shape == (len(self),) and bool((weights >= 0).all()) and float(weights.sum()) > 0
+        if not fit:
+            raise ValueError(
+                f"a set of {len(self)} states needs as many weights, none negative and not all 0; "
+                f"got shape {tuple(weights.shape)}, sum {float(weights.sum())}"
+            )
+        self._weights, self._weighed_at = weights.cpu().double(), self.changes
+
+    def sample(self, n: int, generator: torch.Generator) -> TensorDictBase:
+        """n states drawn with replacement, by their weights if they have been weighed; [0] from an empty set."""
+        if self._weights is None or self._weighed_at != self.changes:
+            return super().sample(n, generator)
+        return self.buffer[torch.multinomial(self._weights, n, replacement=True, generator=generator)]
+
     def extend_from(self, rollout: TensorDictBase) -> int:
         """Adds s_T of every success in a rollout of an environment with snapshots=True; returns how many."""
         rows = _successes(rollout, ("next", "observation"), ("next", "snapshot"))
         return self.extend(rows.get("next").select("observation", "snapshot"))
-
-
-class _Posable(Protocol):
-    """What `TerminalGaussian` asks of an environment."""
-
-    def qpos_of(self, snapshot: TensorDictBase) -> Tensor: ...
-
-    def with_qpos(self, snapshot: TensorDictBase, qpos: Tensor) -> tuple[TensorDictBase, Tensor]: ...
-
-
-class TerminalGaussian:
-    """A Gaussian over the positions (qpos) of a termination set, as a source of starts.
-
-    A draw takes a random member's snapshot for what is not a position (welds, task state) and puts the drawn
-    positions into it. The environment normalises quaternions and refuses impossible draws, which are drawn again; a
-    row still refused after `tries` is the member itself. It is fitted anew whenever the set has changed.
-
-    Args:
-        env: with `qpos_of` and `with_qpos`.
-        termination_set: of the skill before.
-        tries: draws for one row at most.
-
-    Source: the paper's appendix C (Policy Sequencing, Clegg et al. 2018).
-    """
-
-    def __init__(self, env: _Posable, termination_set: TerminationSet, tries: int = 10) -> None:
-        if tries < 1:
-            raise ValueError(f"tries must be at least 1, got {tries}")
-        self.env = env
-        self.termination_set = termination_set
-        self.tries = tries
-        self.counts = {"drawn": 0, "refused": 0, "given_up": 0}
-        self._fitted_at = -1
-
-    def fit(self) -> None:
-        """Sets mean (nq,) and factor (nq, nq), with factor @ factor.T the covariance of the set's positions."""
-        qpos = self.env.qpos_of(self.termination_set.all()["snapshot"]).double()
-        self.mean = qpos.mean(0)
-        deviation = qpos - self.mean
-        covariance = deviation.T @ deviation / max(len(qpos) - 1, 1)
-        values, vectors = torch.linalg.eigh(covariance)
-        self.factor = vectors * values.clamp_min(0.0).sqrt()
-        self._fitted_at = self.termination_set.changes
-
-    def sample(self, n: int, generator: torch.Generator) -> TensorDictBase:
-        """n snapshots, batch size [n]; [0] while the termination set is empty."""
-        if not len(self.termination_set):
-            return TensorDict(batch_size=[0])
-        if self._fitted_at != self.termination_set.changes:
-            self.fit()
-        snapshot = self.termination_set.sample(n, generator)["snapshot"].clone()
-        waiting = torch.arange(n)
-        for _ in range(self.tries):
-            if not len(waiting):
-                break
-            noise = torch.randn(len(waiting), len(self.mean), dtype=torch.float64, generator=generator)
-            qpos = self.mean + noise.to(self.mean.device) @ self.factor.T
-            posed, possible = self.env.with_qpos(snapshot[waiting], qpos)
-            possible = possible.to(waiting.device)
-            snapshot[waiting[possible]] = posed[possible]
-            self.counts["drawn"] += len(waiting)
-            waiting = waiting[~possible]
-            self.counts["refused"] += len(waiting)
-        self.counts["given_up"] += len(waiting)
-        return snapshot
