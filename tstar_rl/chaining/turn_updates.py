@@ -112,7 +112,7 @@ class TurnUpdates(Training):
 
         Args:
             expected: observations (n, O) -> (n, 1) in [0, 1], how likely the skill is to succeed from there.
-            share: in [0, 1]; the other starts are drawn uniformly. Starts of a Gaussian take a member's welds by it.
+            share: in [0, 1]; the other starts are drawn uniformly. A Gaussian keeps its mean and its deviations.
 
         Raises:
             InvalidValueError: if workers of a cluster collect; they draw starts from copies of the set.

@@ -131,8 +131,7 @@ class TerminationSet(StateSet):
     Source: the paper, algorithm 1 line 12.
     """
 
-    _weights: Tensor | None = None
-    _weighed_at = -1
+    _weights, _weighed_at = torch.empty(0), -1
 
     def weigh(self, weights: Tensor) -> None:
         """Draws states by these weights from now on, until the set changes. They are no part of the set's state.
@@ -153,7 +152,7 @@ class TerminationSet(StateSet):
 
     def sample(self, n: int, generator: torch.Generator) -> TensorDictBase:
         """n states drawn with replacement, by their weights if they have been weighed; [0] from an empty set."""
-        if self._weights is None or self._weighed_at != self.changes:
+        if self._weighed_at != self.changes:
             return super().sample(n, generator)
         return self.buffer[torch.multinomial(self._weights, n, replacement=True, generator=generator)]
 
