@@ -16,7 +16,7 @@ from tstar import main as tstar
 
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.config.build import environment, load_demonstrations
-from tstar_rl.config.chain import chain_length
+from tstar_rl.config.chain import chain_length, turn_shape
 from tstar_rl.runs.run_folder import run_path
 from tstar_rl.seeds import derive_seed
 
@@ -72,5 +72,5 @@ def _bare(config: DictConfig, skill: Skill, steps: int) -> float:
 
 def _learned_from(config: DictConfig, skills: int) -> int:
     """Environment steps in the rollouts of all turns."""
-    frames = config.training.num_envs * config.training.horizon
-    return config.chain.rounds * skills * max(config.chain.steps_per_turn // frames, 1) * frames
+    rollouts, frames = turn_shape(config)
+    return config.chain.rounds * skills * rollouts * frames

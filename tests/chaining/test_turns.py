@@ -33,6 +33,20 @@ def test_the_sets_begin_with_what_a_trial_of_the_chain_has_seen_or_empty(
         assert sizes[0] == (32, 32) and sizes[1] == sizes[2] == sizes[3] and 0 < sizes[1][0] < 32
 
 
+def test_the_policy_is_updated_after_a_rollout_of_the_chains_own_horizon(point_chain, monkeypatch):
+    shapes = []
+    log = Turn.log
+
+    def note(turn, rollout, row):
+        shapes.append(tuple(rollout.shape))
+        log(turn, rollout, row)
+
+    monkeypatch.setattr(Turn, "log", note)
+    table = point_chain("tstar", *SHORT, "chain.links=2", "chain.horizon=2")  # training.horizon is 8
+    assert shapes == [(64, 2)] * 8  # two turns of 512 steps
+    assert table.env_steps.tolist() == [128 * k for k in range(1, 9)]
+
+
 def test_what_a_chain_carries_over_goes_on_after_a_kill(whole_and_resumed, tmp_path):
     """A run that is killed in its second skill's second turn and resumed writes the same table as one that was not."""
     values = ("chain.gate=true", "chain.rounds=2", "chain.links=2", "chain.carry_over=true")

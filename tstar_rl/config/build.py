@@ -124,6 +124,7 @@ def make_collection(
     before: TerminationSet | None = None,
     snapshots: bool = False,
     starts: Starts | None = None,
+    horizon: int | None = None,
 ) -> Collection | RayCollection:
     """Rollouts for training, by collection.backend: "local", in this process, or "ray", by workers of a cluster.
 
@@ -135,6 +136,7 @@ def make_collection(
         before: termination set of the skill before, if episodes begin in the shares of chain.starts.
         snapshots: whether each step has one.
         starts: see `environment`.
+        horizon: steps of each simulation in one rollout; None: training.horizon.
 
     Raises:
         ValueError: if the backend is neither.
@@ -146,8 +148,8 @@ def make_collection(
         environment, config, subtask, snapshots=snapshots, starts=starts, max_steps=training.max_steps
     )
     if backend == "local":
-        return Collection(make(training.num_envs, seed, before), policy, training.horizon)
-    sizes = (training.num_envs, training.horizon, config.collection.workers)
+        return Collection(make(training.num_envs, seed, before), policy, horizon or training.horizon)
+    sizes = (training.num_envs, horizon or training.horizon, config.collection.workers)
     return RayCollection(make, policy, *sizes, seed, before, settings(ClusterSettings, config.cluster))
 
 

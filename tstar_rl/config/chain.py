@@ -23,15 +23,15 @@ from tstar_rl.runs.run import Run
 from tstar_rl.runs.run_folder import run_path
 from tstar_rl.seeds import derive_seed
 
-__all__ = ["chain_length", "chain_turns", "load_skills"]
+__all__ = ["chain_length", "chain_turns", "load_skills", "turn_shape"]
 
 
 def chain_turns(config: DictConfig) -> Iterator[Turn]:
     """The turns of config.chain, from the skills of the system config.skills; see `chaining.turns`."""
     skills = load_skills(config, checkpoint=config.from_checkpoint)
     experts = [load_demonstrations(config, index) for index in range(len(skills))]
-    values, frames = config.chain, config.training.num_envs * config.training.horizon
-    rollouts = max(values.steps_per_turn // frames, 1)
+    values = config.chain
+    rollouts, frames = turn_shape(config)
     run = Run(plain(config), None, values.rounds * len(skills) * rollouts * frames, trials=True)
     workshop = _Workshop(config)
     chain = ChainTraining(
@@ -50,6 +50,12 @@ def chain_turns(config: DictConfig) -> Iterator[Turn]:
     return turns.chain_turns(chain, recipe=config.system)
 
 
+def turn_shape(config: DictConfig) -> tuple[int, int]:
+    """Rollouts of a turn, at least one, and environment steps of a rollout."""
+    frames = config.training.num_envs * (config.chain.horizon or config.training.horizon)
+    return max(config.chain.steps_per_turn // frames, 1), frames
+
+
 class _Workshop:
     """`chaining.chain_training.Workshop` of a config. No evaluation has the seeds of its trials."""
 
@@ -62,7 +68,10 @@ class _Workshop:
     def collection(
         self, skill: Skill, seed: int, before: TerminationSet | None
     ) -> Collection | RayCollection:
-        return make_collection(self.config, skill.policy, skill.subtask, seed, before, snapshots=True)
+        return make_collection(
+            self.config, skill.policy, skill.subtask, seed, before,
+            snapshots=True, horizon=self.config.chain.horizon,
+        )  # fmt: skip
 
     def seeding_trial(self) -> TransformedEnv:
         return self._whole(self.config.chain.seed_episodes, derive_seed(self.config.seed, "harvest"))

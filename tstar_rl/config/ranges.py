@@ -26,6 +26,7 @@ LEAST = {
     "training.demonstration_steps": 1,
     "chain.rounds": 0,
     "chain.steps_per_turn": 1,
+    "chain.horizon": 1,
     "chain.capacity": 1,
     "chain.trial_episodes": 1,
     "chain.trial_max_steps": 1,

@@ -99,6 +99,7 @@ class ChainSection(ChainSettings):
 
     links: int | None
     steps_per_turn: int
+    horizon: int | None
     starts: dict[str, float]
     capacity: int
     trial_episodes: int
