@@ -150,6 +150,45 @@ def test_an_experiment_has_arms_comparisons_and_its_commit(published):
     assert "| T-STAR | - | - | 0.50M | 1.0 |" in plain
 
 
+def test_a_family_of_comparisons_is_corrected_for_all_of_it(published):
+    write(published, "odd", "buffer", 3, 0.5)
+    write(published, "odd", "buffer", 4, 0.375)
+    pairs = [["tstar", "buffer_no_gate"], ["tstar", "buffer"], ["buffer", "buffer_no_gate"]]
+    odd = {
+        "folder": "odd",
+        "kind": "experiment",
+        "pairs": pairs,
+        "family": [["tstar", "buffer"], ["tstar", "mine"]],
+    }
+    contents(published, [odd, {"folder": "plain", "kind": "paper"}], [])
+    with pytest.raises(ValueError, match=r"family of odd has \[\('tstar', 'mine'\)\], not in its pairs"):
+        read_contents(published)
+    pairs.append(["tstar", "mine"])
+    contents(published, [odd, {"folder": "plain", "kind": "paper"}], [])
+    page = results_page(published, THEIRS, "")
+    # Differences .25 and .125: t = 3 with one degree of freedom has p = .2048; twice that, for the pair not run counts.
+    assert re.search(r"\| T-STAR less buffer starts \| 2 \|.*\| 0\.410 \| not told apart \|", page)
+    assert re.search(
+        r"\| buffer starts less buffer starts, every turn kept \| 2 \|.*\| - \| not told apart \|", page
+    )
+
+
+def test_the_turns_of_an_experiment_by_hand(published):
+    turns = {
+        "trial_progress": [0.5, None, 0.75],
+        "accepted": [0, None, 1],
+        "trial_steps": [400_000, None, 200_000],
+    }
+    for seed, auc in ((3, [0.5, None, None]), (4, [0.6, None, 0.8])):
+        place = published / "odd" / "table"
+        rows = pd.DataFrame(turns).assign(env_steps=[1, 2, 3], skill=0)
+        rows.assign(d_omega_auc=auc).to_csv(place / f"tstar/seed{seed}/metrics.csv", index=False)
+        rows.to_csv(place / f"buffer_no_gate/seed{seed}/metrics.csv", index=False)
+    page = results_page(published, THEIRS, "")
+    assert "| T-STAR | 2 | 2 | 0.625 | 0.50 | 0.60 | 0.60M |" in page
+    assert "| buffer starts, every turn kept | 2 | 2 | 0.625 | 0.50 | - | 0.60M |" in page
+
+
 def test_the_page_shows_the_figures_that_are_drawn(published, tmp_path):
     shown = re.findall(r"\]\(figures/([^)]+)\)", results_page(published, THEIRS, ""))
     drawn = draw_page(published, THEIRS, tmp_path / "figures")

@@ -67,6 +67,7 @@ def test_paired_difference_by_hand():
     assert (found.low, found.high) == pytest.approx((0.1, 0.3))  # each with 1/27 > 2.5%
     theirs = stats.ttest_rel([0.6, 0.9, 0.7], [0.5, 0.7, 0.4]).confidence_interval()
     assert found.value + found.t_half == pytest.approx(theirs.high)
+    assert found.p_value == pytest.approx(stats.ttest_rel([0.6, 0.9, 0.7], [0.5, 0.7, 0.4]).pvalue)
     # The bootstrap of three seeds is too narrow, so Student's t decides.
     assert found.low > 0 and found.verdict() == "not told apart"
 
@@ -77,17 +78,27 @@ def test_pairs_stay_together():
     second = {seed: [float(seed)] for seed in range(5)}
     found = ours.paired_difference(first, second, rng())
     assert (found.low, found.high) == pytest.approx((0.1, 0.1)) and found.verdict() == "higher"
+    assert found.p_value < 1e-9  # ten deviations of rounding
     assert ours.paired_difference(second, first, rng()).verdict() == "lower"
+    same = ours.paired_difference(first, first, rng())
+    assert (same.value, same.p_value) == (0.0, 1.0)
 
 
 def test_a_difference_of_one_seed_is_that_of_its_episodes():
     first, second = {0: np.repeat([0.0, 1.0], [40, 60])}, {0: np.repeat([0.0, 1.0], [60, 40])}
     found = ours.paired_difference(first, second, rng())
     half = 1.96 * math.sqrt(2 * 0.24 / 100)
-    assert math.isnan(found.t_half) and found.verdict() == "higher"
+    assert math.isnan(found.t_half) and math.isnan(found.p_value) and found.verdict() == "higher"
     assert (found.low, found.high) == pytest.approx((0.2 - half, 0.2 + half), abs=0.012)
     with pytest.raises(ValueError, match=r"no seed in common: \[0\] and \[1\]"):
         ours.paired_difference(first, {1: [1.0]}, rng())
+
+
+def test_holm_by_hand():
+    # Sorted .01 .02 .03 .04, times 4 3 2 1: .04 .06 .06 .04; none below the one before it.
+    assert ours.holm([0.03, 0.01, 0.04, 0.02]) == pytest.approx([0.06, 0.04, 0.06, 0.06])
+    assert ours.holm([0.4, 0.9]) == pytest.approx([0.8, 0.9]) and ours.holm([0.7, 0.9, 0.8]).max() == 1.0
+    assert ours.holm([0.2]) == pytest.approx([0.2]) and len(ours.holm([])) == 0
 
 
 def test_probability_of_improvement_by_hand_and_by_mann_whitney():

@@ -39,6 +39,7 @@ from tstar_rl.analysis.task_statistics import (
     profile_over_tasks,
 )
 from tstar_rl.analysis.terminal_states import add_plane, read_terminal_states, spread
+from tstar_rl.analysis.turns import turn_table
 
 __all__ = [
     "Experiment",
@@ -80,4 +81,5 @@ __all__ = [
     "tasks_figure",
     "tasks_table",
     "terminal_state_plane",
+    "turn_table",
 ]

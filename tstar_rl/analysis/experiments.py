@@ -145,7 +145,7 @@ def compare_arms(rows: pd.DataFrame, pairs: Iterable[Sequence[str]]) -> pd.DataF
         pairs: (first, second): the difference is first less second.
 
     Returns:
-        Columns first, second, seeds, difference, low, high (bootstrap), t_half (Student's t), improvement (probability
+        Columns first, second, seeds, difference, low, high (bootstrap), t_half and p_value (Student's t), improvement (probability
         that a seed of the first beats a seed of the second), improvement_low, improvement_high, and verdict.
     """
     scores, lines = arm_scores(rows), []
@@ -157,7 +157,7 @@ def compare_arms(rows: pd.DataFrame, pairs: Iterable[Sequence[str]]) -> pd.DataF
         both = [[arm[seed] for seed in sorted(set(one) & set(other))] for arm in (one, other)]
         better = improvement_interval(*both, np.random.default_rng(SEED))
         line = {"first": first, "second": second, "seeds": found.seeds, "difference": found.value}
-        line |= {"low": found.low, "high": found.high, "t_half": found.t_half}
+        line |= {"low": found.low, "high": found.high, "t_half": found.t_half, "p_value": found.p_value}
         line |= {"improvement": better.value, "improvement_low": better.low, "improvement_high": better.high}
         lines.append(line | {"verdict": found.verdict()})
     return pd.DataFrame(lines)

@@ -19,6 +19,7 @@ __all__ = [
     "Difference",
     "Interval",
     "drawn_means",
+    "holm",
     "improvement_interval",
     "interquartile_mean",
     "interval_ends",
@@ -51,6 +52,8 @@ class Difference(NamedTuple):
     high: float
     t_half: float
     """Half of Student's 95% interval over seeds; nan for one seed."""
+    p_value: float
+    """Student's, two-sided, that the mean is 0; nan for one seed."""
     seeds: int
 
     def verdict(self) -> str:
@@ -138,10 +141,32 @@ def paired_difference(
     differences, number = seed_means(pair[0]) - seed_means(pair[1]), len(both)
     chosen = rng.integers(number, size=(resamples, number))
     draws = (resampled_means(pair[0], chosen, rng) - resampled_means(pair[1], chosen, rng)).mean(-1)
-    half = math.nan
+    half, p_value, mean = math.nan, math.nan, float(differences.mean())
     if number > 1:
-        half = float(student.ppf(0.975, number - 1) * differences.std(ddof=1) / math.sqrt(number))
-    return Difference(float(differences.mean()), *interval_ends(draws), half, number)
+        error = float(differences.std(ddof=1)) / math.sqrt(number)
+        half = float(student.ppf(0.975, number - 1)) * error
+        far = abs(mean) / error if error else math.inf if mean else 0.0
+        p_value = float(2 * student.sf(far, number - 1))
+    return Difference(mean, *interval_ends(draws), half, p_value, number)
+
+
+def holm(p_values: ArrayLike) -> Array:
+    """p-values of a family of comparisons, corrected so that one of them is below a with probability a at most by chance.
+
+    Args:
+        p_values: (n,) in [0, 1].
+
+    Returns:
+        (n,): of the k-th smallest, from 0, the largest of (n - j) p_j over j up to k, and 1 at most.
+
+    Source: Holm, A simple sequentially rejective multiple test procedure, 1979.
+    """
+    values = np.asarray(p_values, dtype=float)
+    order = values.argsort(kind="stable")
+    steps = np.maximum.accumulate((len(values) - np.arange(len(values))) * values[order])
+    corrected = np.empty_like(values)
+    corrected[order] = steps.clip(max=1.0)
+    return corrected
 
 
 def probability_of_improvement(first: ArrayLike, second: ArrayLike) -> Array:

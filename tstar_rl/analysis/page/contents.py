@@ -24,6 +24,8 @@ class Entry:
     """one: arms of several commits are refused; several: the page says which."""
     pairs: tuple[tuple[str, str], ...] = ()
     """Arms that are compared: first less second."""
+    family: tuple[tuple[str, str], ...] = ()
+    """Those of the pairs that decide a question together: their p-values are corrected for how many they are."""
     reference: str = UNTRAINED
     """The arm over which, of several tasks, the improvement of the others is shown."""
 
@@ -86,8 +88,15 @@ def _entry(root: Path, one: dict) -> Entry:
         raise ValueError(
             f"{root / FILE}: an experiment has no {', '.join(unknown)}; it has {', '.join(known)}"
         )
-    pairs = tuple((str(first), str(second)) for first, second in one.get("pairs", ()))
-    values = {**one, "folder": root / one["folder"], "pairs": pairs}
+    pairs, family = (
+        tuple((str(first), str(second)) for first, second in one.get(name, ()))
+        for name in ("pairs", "family")
+    )
+    if set(family) - set(pairs):
+        raise ValueError(
+            f"{root / FILE}: family of {one['folder']} has {sorted(set(family) - set(pairs))}, not in its pairs"
+        )
+    values = {**one, "folder": root / one["folder"], "pairs": pairs, "family": family}
     entry = Entry(**values)
     for name, value, valid in (("kind", entry.kind, KINDS), ("commits", entry.commits, COMMITS)):
         if value not in valid:

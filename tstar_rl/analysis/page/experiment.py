@@ -3,6 +3,7 @@
 import math
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from tstar_rl.analysis.experiments import Experiment, arm_table, compare_arms, hand_over_gaps
@@ -18,6 +19,7 @@ from tstar_rl.analysis.page.markdown import (
     signed_interval,
     table,
 )
+from tstar_rl.analysis.statistics import holm
 from tstar_rl.analysis.tables import UNKNOWN
 
 __all__ = ["arms", "commits", "comparison_table", "comparisons", "draw_experiment", "short_table"]
@@ -90,14 +92,31 @@ def short_table(experiment: Experiment, paper: Paper, task: str) -> str:
 def comparison_table(experiment: Experiment, paper: Paper, entry: Entry, task: str) -> str:
     """The compared pairs of a task; nothing if none shares a seed."""
     lines = []
-    for row in compare_arms(ordered(experiment, paper, task), entry.pairs).itertuples():
+    found = compare_arms(ordered(experiment, paper, task), entry.pairs)
+    corrected = _corrected(found, entry)
+    for row in found.itertuples():
         better = (row.improvement, row.improvement_low, row.improvement_high)
         half = NOTHING if math.isnan(row.t_half) else f"+- {row.t_half:.3f}"
         line = [f"{arm_label(paper, row.first)} less {arm_label(paper, row.second)}", str(row.seeds)]
         line += [signed_interval(row.difference, row.low, row.high), half, interval(*better)]
-        lines.append([*line, str(row.verdict)])
+        ours = [_p_value(corrected.get((row.first, row.second)))] if corrected else []
+        lines.append([*line, *ours, str(row.verdict)])
     header = ["difference in progress", "seeds", "mean [95%, bootstrap]", "95%, Student's t"]
-    return table([*header, "probability of improvement [95%]", "the first is"], lines) if lines else ""
+    header += ["probability of improvement [95%]", *(["p, Holm"] if corrected else []), "the first is"]
+    return table(header, lines) if lines else ""
+
+
+def _corrected(found: pd.DataFrame, entry: Entry) -> dict[tuple[str, str], float]:
+    """p-values of the family, corrected for all of it: a pair that was not run, or on one seed, counts with a p of 1."""
+    if found.empty or not entry.family:
+        return {}
+    known = {(row.first, row.second): row.p_value for row in found.itertuples()}
+    values = [known.get(pair, math.nan) for pair in entry.family]
+    return dict(zip(entry.family, holm(np.nan_to_num(values, nan=1.0)), strict=True))
+
+
+def _p_value(value: float | None) -> str:
+    return NOTHING if value is None else "< .001" if value < 0.001 else f"{value:.3f}"
 
 
 def comparisons(experiment: Experiment, paper: Paper, entry: Entry, task: str) -> str:

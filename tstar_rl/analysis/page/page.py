@@ -15,6 +15,7 @@ from tstar_rl.analysis.page.contents import Entry, read_contents
 from tstar_rl.analysis.page.drawing import curves
 from tstar_rl.analysis.page.markdown import Paper
 from tstar_rl.analysis.page.over_tasks import over_tasks, short_over_tasks
+from tstar_rl.analysis.page.turns import turns
 from tstar_rl.analysis.tables import read_evaluations, read_metrics
 
 __all__ = ["replace_block", "results_head", "results_page"]
@@ -115,6 +116,7 @@ def _experiment(entry: Entry, paper: Paper) -> str:
         if experiment and task in experiment.tasks:
             leads["Arms"] = parts.arms(experiment, paper, task, entry.prefix)
             leads["Comparisons"] = parts.comparisons(experiment, paper, entry, task)
+            leads["Turns"] = turns(metrics, paper, task)
         elif not experiment:
             leads["The paper's table and ours"] = sections.comparison(evaluations, paper, task)
             leads["Budgets"] = sections.budgets(evaluations, paper, task)

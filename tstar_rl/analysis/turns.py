@@ -1,0 +1,44 @@
+"""What the turns of chains say: how fast each arm rises in its trials, what the trials cost, and what a signal tells."""
+
+import math
+from collections.abc import Iterable
+
+import pandas as pd
+
+__all__ = ["turn_table"]
+
+AUC = "_auc"
+"""Ending of the column that says how well a signal's scores tell whether the next skill then succeeded."""
+
+
+def turn_table(metrics: pd.DataFrame, task: str) -> pd.DataFrame:
+    """A line for each arm whose chain was tried after every turn.
+
+    Args:
+        metrics: of `read_metrics`.
+        task: of the chains.
+
+    Returns:
+        Index arm; columns seeds, turns (of a seed), trial_progress (of the chain that goes on, over all turns: of an arm that
+        rises early it is higher at the same end), kept (share of turns that the gate kept), trial_steps (environment steps of a
+        seed's trials) and auc (of the arm's signal, over the turns that have one; nan where nothing signals). Means over seeds.
+    """
+    if "trial_progress" not in metrics:
+        return pd.DataFrame()
+    rows = metrics[(metrics["task"] == task) & (metrics["subtask"] == -1)]
+    rows, lines = rows[rows["trial_progress"].notna()], {}
+    for arm, mine in rows.groupby("recipe"):
+        seeds = mine.groupby("seed")
+        line = {"seeds": len(seeds), "turns": seeds.size().mean()}
+        line["trial_progress"] = seeds["trial_progress"].mean().mean()
+        line["kept"] = _mean_over_seeds(mine, ["accepted"])
+        line["trial_steps"] = seeds["trial_steps"].sum().mean() if "trial_steps" in mine else math.nan
+        line["auc"] = _mean_over_seeds(mine, [name for name in mine if str(name).endswith(AUC)])
+        lines[str(arm)] = line
+    return pd.DataFrame.from_dict(lines, orient="index").rename_axis("arm")
+
+
+def _mean_over_seeds(rows: pd.DataFrame, columns: Iterable[str]) -> float:
+    """Mean over seeds of the mean over turns of the column that an arm has; nan if it has none."""
+    there = [name for name in columns if name in rows and rows[name].notna().any()]
+    return float(rows.groupby("seed")[there[0]].mean().mean()) if there else math.nan
