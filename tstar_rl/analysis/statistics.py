@@ -151,7 +151,7 @@ def paired_difference(
 
 
 def holm(p_values: ArrayLike) -> Array:
-    """p-values of a family of comparisons, corrected so that one of them is below a with probability a at most by chance.
+    """Corrected p-values of a family: where nothing differs, one of them is below a with probability a at most.
 
     Args:
         p_values: (n,) in [0, 1].

@@ -1,4 +1,4 @@
-"""What the turns of chains say: how fast each arm rises in its trials, what the trials cost, and what a signal tells."""
+"""What the turns of chains say: how fast an arm rises in its trials, what trials cost, and what a signal tells."""
 
 import math
 from collections.abc import Iterable
@@ -19,9 +19,10 @@ def turn_table(metrics: pd.DataFrame, task: str) -> pd.DataFrame:
         task: of the chains.
 
     Returns:
-        Index arm; columns seeds, turns (of a seed), trial_progress (of the chain that goes on, over all turns: of an arm that
-        rises early it is higher at the same end), kept (share of turns that the gate kept), trial_steps (environment steps of a
-        seed's trials) and auc (of the arm's signal, over the turns that have one; nan where nothing signals). Means over seeds.
+        Index arm; means over seeds. Columns seeds, turns (of a seed), trial_progress (of the chain that goes on, over all
+        turns: of an arm that rises early it is higher at the same end), kept (share of turns that the gate kept),
+        trial_steps (environment steps of a seed's trials) and auc (of the arm's signal, over the turns that have one; nan
+        where nothing signals).
     """
     if "trial_progress" not in metrics:
         return pd.DataFrame()

@@ -107,7 +107,7 @@ def comparison_table(experiment: Experiment, paper: Paper, entry: Entry, task: s
 
 
 def _corrected(found: pd.DataFrame, entry: Entry) -> dict[tuple[str, str], float]:
-    """p-values of the family, corrected for all of it: a pair that was not run, or on one seed, counts with a p of 1."""
+    """p-values of the family, corrected for all of it: a pair not run, or on one seed, counts with a p of 1."""
     if found.empty or not entry.family:
         return {}
     known = {(row.first, row.second): row.p_value for row in found.itertuples()}

@@ -10,8 +10,9 @@ from tstar_rl.analysis.turns import turn_table
 __all__ = ["turns"]
 
 SAID = """\
-Means over seeds. Progress is that of the chain that goes on, in the trials after its turns: of two arms with the same end, the one
-that rose earlier has more. AUC: how well the signal that paid a skill tells whether the next one then succeeded (.5: nothing).
+Means over seeds. Progress is that of the chain that goes on, in the trials after its turns: of two arms with the same
+end, the one that rose earlier has more. AUC: how well the signal that paid a skill tells whether the next one then
+succeeded (.5: nothing).
 """
 
 
