@@ -146,7 +146,7 @@ def compare_arms(rows: pd.DataFrame, pairs: Iterable[Sequence[str]]) -> pd.DataF
 
     Returns:
         Columns first, second, seeds, difference, low, high (bootstrap), t_half and p_value (Student's t), improvement
-        (probability that a seed of the first beats a seed of the second), improvement_low, improvement_high, and verdict.
+        (probability that a seed of the first beats one of the second), improvement_low, improvement_high, and verdict.
     """
     scores, lines = arm_scores(rows), []
     for first, second in pairs:

@@ -19,10 +19,10 @@ def turn_table(metrics: pd.DataFrame, task: str) -> pd.DataFrame:
         task: of the chains.
 
     Returns:
-        Index arm; means over seeds. Columns seeds, turns (of a seed), trial_progress (of the chain that goes on, over all
-        turns: of an arm that rises early it is higher at the same end), kept (share of turns that the gate kept),
-        trial_steps (environment steps of a seed's trials) and auc (of the arm's signal, over the turns that have one; nan
-        where nothing signals).
+        Index arm; means over seeds. Columns seeds, turns (of a seed), trial_progress (of the chain that goes on, over
+        all turns: of an arm that rises early it is higher at the same end), kept (share of turns that the gate kept),
+        trial_steps (environment steps of a seed's trials) and auc (of the arm's signal, over the turns that have one;
+        nan where nothing signals).
     """
     if "trial_progress" not in metrics:
         return pd.DataFrame()

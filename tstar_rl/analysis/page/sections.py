@@ -31,8 +31,8 @@ __all__ = [
 TIME = """\
 Ours: wall-clock minutes of processes with one thread each, two at a time on two cores that may have been busy with
 other things as well. A chain's row includes the training of its skills; demonstrations and evaluation are in no row.
-Steps are those learned from. A chain's trials, for its gate and to know its best, are in the minutes alone; the table of
-turns, where there is one, counts their steps.
+Steps are those learned from. A chain's trials, for its gate and to know its best, are in the minutes alone; the table
+of turns, where there is one, counts their steps.
 """
 HANDED = """\
 Success of each skill from where the one before ends / from its own starts: fresh deterministic episodes, mean over
