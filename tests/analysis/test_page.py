@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 import yaml
 
+from tstar_rl.analysis import read_metrics, rise_figure
 from tstar_rl.analysis.page import curve_groups, draw_page, replace_block, results_head, results_page
 from tstar_rl.analysis.page.contents import read_contents
 from tstar_rl.analysis.page.markdown import arm_label, arm_order, over_seeds
@@ -187,6 +188,11 @@ def test_the_turns_of_an_experiment_by_hand(published):
     page = results_page(published, THEIRS, "")
     assert "| T-STAR | 2 | 2 | 0.625 | 0.50 | 0.60 | 0.60M |" in page
     assert "| buffer starts, every turn kept | 2 | 2 | 0.625 | 0.50 | - | 0.60M |" in page
+    drawn = draw_page(published, THEIRS, published / "figures")
+    assert "odd_table_rise.png" in page and published / "figures/odd_table_rise.png" in drawn
+    (axes,) = rise_figure(read_metrics(published / "odd"), "table", {"tstar": "T-STAR"}).axes
+    one, other, mean = (line.get_xydata().tolist() for line in axes.lines)
+    assert one == other == mean == [[1, 0.5], [3, 0.75]]
 
 
 def test_the_page_shows_the_figures_that_are_drawn(published, tmp_path):

@@ -15,6 +15,7 @@ from tstar_rl.analysis.experiments import (
 from tstar_rl.analysis.figures.arms import ablation_figure, arms_figure, differences_figure
 from tstar_rl.analysis.figures.curves import ablation_curves, learning_curves, seed_curves
 from tstar_rl.analysis.figures.panels import save_figure
+from tstar_rl.analysis.figures.rise import rise_figure
 from tstar_rl.analysis.figures.states import hand_over_matrix, reliability_figure, terminal_state_plane
 from tstar_rl.analysis.figures.tasks import tasks_figure
 from tstar_rl.analysis.over_tasks import tasks_table
@@ -75,6 +76,7 @@ __all__ = [
     "read_metrics",
     "read_terminal_states",
     "reliability_figure",
+    "rise_figure",
     "save_figure",
     "seed_curves",
     "spread",

@@ -5,18 +5,31 @@ from collections.abc import Iterable
 
 import pandas as pd
 
-__all__ = ["turn_table"]
+__all__ = ["tried_turns", "turn_table"]
 
 AUC = "_auc"
 """Ending of the column that says how well a signal's scores tell whether the next skill then succeeded."""
+
+
+def tried_turns(metrics: pd.DataFrame, task: str) -> pd.DataFrame:
+    """The rows after which a chain of a task was tried, one for each turn.
+
+    Args:
+        metrics: of `read_metrics`.
+        task: of the chains.
+    """
+    if "trial_progress" not in metrics:
+        return metrics.iloc[:0]
+    rows = metrics[(metrics["task"] == task) & (metrics["subtask"] == -1)]
+    return rows[rows["trial_progress"].notna()]
 
 
 def turn_table(metrics: pd.DataFrame, task: str) -> pd.DataFrame:
     """A line for each arm whose chain was tried after every turn.
 
     Args:
-        metrics: of `read_metrics`.
-        task: of the chains.
+        metrics: see `tried_turns`.
+        task: see `tried_turns`.
 
     Returns:
         Index arm; means over seeds. Columns seeds, turns (of a seed), trial_progress (of the chain that goes on, over
@@ -24,10 +37,9 @@ def turn_table(metrics: pd.DataFrame, task: str) -> pd.DataFrame:
         trial_steps (environment steps of a seed's trials) and auc (of the arm's signal, over the turns that have one;
         nan where nothing signals).
     """
-    if "trial_progress" not in metrics:
+    rows, lines = tried_turns(metrics, task), {}
+    if rows.empty:
         return pd.DataFrame()
-    rows = metrics[(metrics["task"] == task) & (metrics["subtask"] == -1)]
-    rows, lines = rows[rows["trial_progress"].notna()], {}
     for arm, mine in rows.groupby("recipe"):
         seeds = mine.groupby("seed")
         line = {"seeds": len(seeds), "turns": seeds.size().mean()}

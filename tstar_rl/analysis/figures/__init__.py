@@ -3,6 +3,7 @@
 from tstar_rl.analysis.figures.arms import ablation_figure, arms_figure, differences_figure
 from tstar_rl.analysis.figures.curves import ablation_curves, learning_curves, seed_curves
 from tstar_rl.analysis.figures.panels import save_figure
+from tstar_rl.analysis.figures.rise import rise_figure
 from tstar_rl.analysis.figures.seams import exchanged_figure
 from tstar_rl.analysis.figures.states import hand_over_matrix, reliability_figure, terminal_state_plane
 from tstar_rl.analysis.figures.tasks import tasks_figure
@@ -16,6 +17,7 @@ __all__ = [
     "hand_over_matrix",
     "learning_curves",
     "reliability_figure",
+    "rise_figure",
     "save_figure",
     "seed_curves",
     "tasks_figure",

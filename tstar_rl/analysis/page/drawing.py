@@ -10,6 +10,7 @@ from tstar_rl.analysis.page.contents import Entry, read_contents
 from tstar_rl.analysis.page.experiment import draw_experiment
 from tstar_rl.analysis.page.markdown import Paper, picture
 from tstar_rl.analysis.page.over_tasks import draw_over_tasks
+from tstar_rl.analysis.page.turns import draw_turns
 from tstar_rl.analysis.tables import read_hand_over, read_metrics
 from tstar_rl.analysis.terminal_states import add_plane, read_terminal_states
 
@@ -61,6 +62,9 @@ def draw_page(root: Path, paper: Paper, figures: Path) -> list[Path]:
             experiment = read_experiment(entry.folder, entry.commits == "one")
             found += draw_over_tasks(experiment, paper, entry, figures)
             found += draw_experiment(experiment, paper, entry, figures)
+            metrics = read_metrics(entry.folder)
+            for task in experiment.tasks:
+                found += draw_turns(metrics, paper, task, entry.prefix, figures)
         found += _draw_runs(entry, figures)
     return found
 

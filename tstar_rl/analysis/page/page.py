@@ -116,7 +116,7 @@ def _experiment(entry: Entry, paper: Paper) -> str:
         if experiment and task in experiment.tasks:
             leads["Arms"] = parts.arms(experiment, paper, task, entry.prefix)
             leads["Comparisons"] = parts.comparisons(experiment, paper, entry, task)
-            leads["Turns"] = turns(metrics, paper, task)
+            leads["Turns"] = turns(metrics, paper, task, entry.prefix)
         elif not experiment:
             leads["The paper's table and ours"] = sections.comparison(evaluations, paper, task)
             leads["Budgets"] = sections.budgets(evaluations, paper, task)

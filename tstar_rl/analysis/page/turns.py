@@ -1,13 +1,17 @@
 """The turns of an experiment's chains as a table of the page."""
 
 import math
+from pathlib import Path
 
 import pandas as pd
 
-from tstar_rl.analysis.page.markdown import NOTHING, Paper, arm_label, arm_order, table
+from tstar_rl.analysis.figures import rise_figure, save_figure
+from tstar_rl.analysis.page.markdown import NOTHING, Paper, arm_label, arm_order, picture, table
 from tstar_rl.analysis.turns import turn_table
 
-__all__ = ["turns"]
+__all__ = ["draw_turns", "turns"]
+
+RISE = "Progress of the chain in the trial after each turn. A thin line is a seed, a thick one their mean."
 
 SAID = """\
 Means over seeds. Progress is that of the chain that goes on, in the trials after its turns: of two arms with the same
@@ -16,8 +20,8 @@ succeeded (.5: nothing).
 """
 
 
-def turns(metrics: pd.DataFrame, paper: Paper, task: str) -> str:
-    """A line for each arm that was trained; nothing if none was."""
+def turns(metrics: pd.DataFrame, paper: Paper, task: str, prefix: str) -> str:
+    """How the arms rose, and a line for each that was trained; nothing if none was."""
     found = turn_table(metrics, task)
     if found.empty:
         return ""
@@ -35,7 +39,21 @@ def turns(metrics: pd.DataFrame, paper: Paper, task: str) -> str:
         "turns kept",
         "AUC of the signal",
     ]
-    return f"{SAID}\n{table([*header, 'steps of trials'], rows)}"
+    return f"{picture(RISE, _file(task, prefix))}\n{SAID}\n{table([*header, 'steps of trials'], rows)}"
+
+
+def draw_turns(metrics: pd.DataFrame, paper: Paper, task: str, prefix: str, figures: Path) -> list[Path]:
+    """Writes the figure that `turns` shows, if it shows one."""
+    found = turn_table(metrics, task)
+    if found.empty:
+        return []
+    labels = {arm: arm_label(paper, arm) for arm in arm_order(paper, found.index)}
+    path = figures / f"{_file(task, prefix)}.png"
+    return [save_figure(rise_figure(metrics, task, labels), path)]
+
+
+def _file(task: str, prefix: str) -> str:
+    return f"{prefix}{task}_rise"
 
 
 def _share(value: float) -> str:
