@@ -18,8 +18,8 @@ import shutil
 import subprocess
 import sys
 import warnings
-from collections.abc import Iterable
-from contextlib import suppress
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 
 import mujoco
@@ -68,15 +68,19 @@ class Renderer:
         height: pixels.
         width: pixels.
         camera: name of a camera of the model.
+        smooth: False: edges are not smoothed and shadows are coarser. Without a GPU a frame takes half the time.
     """
 
-    def __init__(self, model: mujoco.MjModel, graphics: str, height: int, width: int, camera: str):
+    def __init__(
+        self, model: mujoco.MjModel, graphics: str, height: int, width: int, camera: str, smooth: bool = True
+    ) -> None:
         if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, camera) < 0:
             valid = ", ".join(repr(model.camera(i).name) for i in range(model.ncam)) or "none"
             raise ValueError(f"no camera is called {camera!r}; valid: {valid}")
         self.model, self.camera, self._data = model, camera, mujoco.MjData(model)
         choose(graphics)
-        self._renderer = mujoco.Renderer(model, height, width)
+        with nullcontext() if smooth else _rough(model):
+            self._renderer = mujoco.Renderer(model, height, width)
         # MuJoCo centres the floor on the camera of the frame before: without one the first image would differ.
         self._renderer.update_scene(self._data, camera)
 
@@ -94,20 +98,33 @@ class Renderer:
         return self._renderer.render()
 
     def close(self) -> None:
-        """Gives back the graphics context."""
+        """Gives back the graphics context; other renderers go on."""
+        self._renderer.render()  # makes this context current: MuJoCo deletes the objects of the one that is
         self._renderer.close()
 
 
+@contextmanager
+def _rough(model: mujoco.MjModel) -> Iterator[None]:
+    """A model that asks for less while a graphics context is made, which is when MuJoCo reads it."""
+    quality = model.vis.quality
+    kept = quality.offsamples, quality.shadowsize
+    quality.offsamples, quality.shadowsize = 0, min(quality.shadowsize, 1024)
+    try:
+        yield
+    finally:
+        quality.offsamples, quality.shadowsize = kept
+
+
 def make_renderer(
-    model: mujoco.MjModel, height: int = 480, width: int = 640, camera: str = CAMERA
+    model: mujoco.MjModel, height: int = 480, width: int = 640, camera: str = CAMERA, smooth: bool = True
 ) -> Renderer | None:
-    """Returns a renderer of `model`, or None where nothing can be drawn.
+    """Returns a renderer of `model`, or None where nothing can be drawn; see `Renderer`.
 
     Raises:
         ValueError: the model has no camera of that name.
     """
     graphics = backend()
-    return None if graphics is None else Renderer(model, graphics, height, width, camera)
+    return None if graphics is None else Renderer(model, graphics, height, width, camera, smooth)
 
 
 def choose(graphics: str) -> None:

@@ -44,6 +44,16 @@ def test_table_legs_and_arm_are_in_view(model, renderer):
     assert (renderer.draw(bent) != image).any(-1).sum() > 20
 
 
+def test_a_rough_picture_shows_the_same_and_leaves_the_model_as_it_was(model, renderer):
+    quality = model.vis.quality
+    before = quality.offsamples, quality.shadowsize
+    rough = rendering.make_renderer(model, 120, 160, smooth=False)
+    assert (quality.offsamples, quality.shadowsize) == before
+    difference = abs(rough.draw(model.qpos0).astype(int) - renderer.draw(model.qpos0))
+    rough.close()
+    assert 0 < (difference > 8).any(-1).mean() < 0.1  # along edges alone
+
+
 def test_files_are_written(tmp_path, model, renderer):
     image = renderer.draw(model.qpos0)
     rendering.write_png(tmp_path / "a" / "state.png", image)

@@ -15,7 +15,7 @@ __all__ = ["write_mp4", "write_player"]
 
 def write_mp4(world: BatchedEnvironment, path: str | Path, positions: Tensor) -> bool:
     """Films joint positions (T, nq); False, after one warning, where nothing can draw."""
-    renderer = rendering.make_renderer(world.drawn_model)
+    renderer = rendering.make_renderer(world.drawn_model, smooth=False)
     if renderer is None:
         return False
     rendering.write_mp4(path, (renderer.draw(row) for row in positions.cpu()))
