@@ -14,10 +14,10 @@ from omegaconf import DictConfig
 
 from tstar_rl.config.load import recipe
 from tstar_rl.launch.backends import launcher
-from tstar_rl.launch.side_by_side import Step, mean_bonus, run_side_by_side
+from tstar_rl.launch.experiment import BONUS, with_bonus, without_bonus
+from tstar_rl.launch.side_by_side import Step, run_side_by_side
 from tstar_rl.launch.steps import missing
 from tstar_rl.runs.csv_tables import append_rows
-from tstar_rl.runs.run_folder import run_path
 
 OWN = ("processes", "seeds")  # values that only this recipe knows
 
@@ -25,7 +25,7 @@ OWN = ("processes", "seeds")  # values that only this recipe knows
 @recipe("assemble", processes=int, seeds=tuple[int, ...] | None)
 def main(config: DictConfig) -> None:
     """Runs the steps, as many at a time as there are processes, where they do not wait for each other."""
-    began, place = time.perf_counter(), (config.results_dir, config.task.name)
+    began = time.perf_counter()
     given = HydraConfig.get().overrides.task
     shared = [value for value in given if value.split("=")[0] not in OWN]
     subtasks = [f"subtask={index}" for index in range(config.task.subtasks)]
@@ -35,29 +35,36 @@ def main(config: DictConfig) -> None:
     made = (Path(folder) / config.task.name for folder in (config.runs_dir, config.demonstrations_dir))
     from_nothing = not any(folder.exists() for folder in made)  # else steps that are done take no time
 
-    def at_once(lanes: list[list[Step]]) -> None:
-        run_side_by_side([missing(lane, shared) for lane in lanes], shared, config.processes, run)
+    def bonus_known(step: Step) -> Step:
+        return with_bonus(step, config.results_dir, config.task.name, _seed(step))
 
-    at_once(
-        [
-            [("make_demonstrations", one, kinds, f"seed={seed}"), ("gail_ppo", one, f"seed={seed}")]
-            for seed in seeds
-            for one in subtasks
-        ]
-    )
-    at_once([lane for seed in seeds for lane in _chains(f"seed={seed}")])
-    lanes = []
-    for seed in seeds:
-        bonus = mean_bonus(run_path(*place, "tstar", seed) / "metrics.csv")
-        own = ("system=policy_sequencing_bonus", f"seed={seed}")
-        lanes.append([("policy_sequencing", *own, f"bonus={bonus}"), ("evaluate", *own)])
-        lanes.append([("evaluate", "system=gail_ppo", one, f"seed={seed}") for one in subtasks])
-    at_once(lanes)
+    def left(lane: list[Step]) -> list[Step]:
+        """The steps that are not done; one whose bonus another is to find follows that one."""
+        found: list[Step] = []
+        for step in lane:
+            waits = without_bonus(step) != step
+            found += [step] if waits and found else missing([bonus_known(step)], shared)
+        return found
+
+    def at_once(lanes: list[list[Step]]) -> None:
+        def one(step: Step, values: list[str], line: int) -> None:
+            run(bonus_known(step), values, line)
+
+        run_side_by_side([left(lane) for lane in lanes], shared, config.processes, one)
+
+    skills = [(f"seed={seed}", one) for seed in seeds for one in subtasks]
+    at_once([[("make_demonstrations", *skill, kinds), ("gail_ppo", *skill)] for skill in skills])
+    chains = [lane for seed in seeds for lane in _chains(f"seed={seed}")]
+    at_once([*chains, *([("evaluate", "system=gail_ppo", *skill)] for skill in skills)])
     run(("plot",), shared)
     minutes = (time.perf_counter() - began) / 60
     print(f"all of it took {minutes:.1f} minutes")
     if from_nothing:
         _note_minutes(config, len(seeds), minutes)
+
+
+def _seed(step: Step) -> int:
+    return next(int(value.removeprefix("seed=")) for value in step if value.startswith("seed="))
 
 
 def _note_minutes(config: DictConfig, seeds: int, minutes: float) -> None:
@@ -72,9 +79,15 @@ def _note_minutes(config: DictConfig, seeds: int, minutes: float) -> None:
 
 
 def _chains(seed: str) -> list[list[Step]]:
-    """T-STAR and its two controls, each followed by its evaluation."""
+    """T-STAR and its two controls, one of which needs what T-STAR paid; then their evaluations."""
+    bonus = ("system=policy_sequencing_bonus", seed)
     return [
-        [("tstar", seed), ("evaluate", "system=tstar", seed)],
+        [
+            ("tstar", seed),
+            ("policy_sequencing", *bonus, f"{BONUS}tstar"),
+            ("evaluate", "system=tstar", seed),
+            ("evaluate", *bonus),
+        ],
         [
             ("policy_sequencing", seed),
             ("evaluate", "system=policy_sequencing", seed),

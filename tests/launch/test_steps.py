@@ -12,7 +12,7 @@ from hydra import initialize_config_dir
 from recipe_runs import load_recipe
 
 from tstar_rl.config.load import CONFIGS, plain
-from tstar_rl.launch import steps
+from tstar_rl.launch import experiment, steps
 from tstar_rl.launch.steps import is_done, missing, step_config, step_files
 from tstar_rl.runs.checkpoint import CheckpointMismatchError
 
@@ -131,8 +131,8 @@ def pipeline(call, monkeypatch, tmp_path):
                 finish(step, shared, at=len(taken))
 
         monkeypatch.setattr(module, "launcher", lambda config: record)
-        if hasattr(module, "mean_bonus"):
-            monkeypatch.setattr(module, "mean_bonus", lambda metrics: 0.25)
+        for place in (experiment, module):
+            monkeypatch.setattr(place, "mean_bonus", lambda metrics: 0.25, raising=False)
         call(name, *places(tmp_path), *values, module=module)
         return taken
 
@@ -142,6 +142,10 @@ def pipeline(call, monkeypatch, tmp_path):
 def test_assemble_runs_every_step_once(pipeline, tmp_path):
     first = pipeline("assemble", "scale=quick", "processes=1")
     assert len(first) == 2 * SUBTASKS + 5 + 2 + SUBTASKS + 1
+    bonus = ("system=policy_sequencing_bonus", "seed=0")
+    chained = first.index(("tstar", "seed=0"))
+    assert first[chained + 1] == ("policy_sequencing", *bonus, "bonus=0.25")  # what T-STAR paid is known then
+    assert pipeline("assemble", "scale=quick", "processes=1") == [("plot",)]
     finished = tmp_path / "runs/table_lack/policy_sequencing/seed0/finished.json"
     finished.unlink()
     again = pipeline("assemble", "scale=quick", "processes=1")

@@ -14,7 +14,7 @@ from tstar_rl.checks import InvalidValueError
 from tstar_rl.launch.side_by_side import Step, mean_bonus
 from tstar_rl.runs.run_folder import UNTRAINED, run_path
 
-__all__ = ["Arm", "DeclaredExperiment", "parse_experiment", "publish", "with_bonus", "without_bonus"]
+__all__ = ["BONUS", "Arm", "DeclaredExperiment", "parse_experiment", "publish", "with_bonus", "without_bonus"]
 
 SKILLS = "gail_ppo"
 TABLES = ("config.yaml", "metrics.csv", "evaluation.csv", "calibration.csv")
