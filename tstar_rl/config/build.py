@@ -142,14 +142,15 @@ def make_collection(
         ValueError: if the backend is neither.
     """
     training, backend = config.training, config.collection.backend
+    steps = horizon or training.horizon
     if backend not in ("local", "ray"):
         raise InvalidValueError(f"collection.backend must be local or ray, got {backend!r}")
     make = partial(
         environment, config, subtask, snapshots=snapshots, starts=starts, max_steps=training.max_steps
     )
     if backend == "local":
-        return Collection(make(training.num_envs, seed, before), policy, horizon or training.horizon)
-    sizes = (training.num_envs, horizon or training.horizon, config.collection.workers)
+        return Collection(make(training.num_envs, seed, before), policy, steps)
+    sizes = (training.num_envs, steps, config.collection.workers)
     return RayCollection(make, policy, *sizes, seed, before, settings(ClusterSettings, config.cluster))
 
 
