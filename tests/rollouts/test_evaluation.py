@@ -120,6 +120,23 @@ def test_the_first_success_and_the_first_failure_of_all_episodes_are_filmed(tmp_
     assert failure["reward"].tolist() == [30.0, 31.0, 32.0] and failure["phase"].tolist() == [3] * 4
 
 
+def test_the_film_of_a_failure_ends_soon_after_the_last_subtask_that_was_done(tmp_path, monkeypatch):
+    monkeypatch.setattr("tstar_rl.rollouts.recorder.STUCK", 3)
+    env = Film()
+    recorder, subtasks = Recorder(env), [0, 0, 1, 1, 1, 1, 1, 1, 1]  # done in step 2 of 8
+    for step in range(8):
+        row = {"success": False, "done": step == 7, "reward_env": 0.0, "phase": 0}
+        before, after = (
+            {"snapshot": {"qpos": torch.full((1, 1), float(at))}, "subtask": torch.tensor([[subtasks[at]]])}
+            for at in (step, step + 1)
+        )
+        rest = {name: torch.tensor([[value]]) for name, value in row.items()}
+        recorder(TensorDict({**before, **rest, "next": {**after, **rest}}, [1]))
+    recorder.write(tmp_path)
+    assert env.films["first_failure.mp4"].flatten().tolist() == [1.0, 2.0, 3.0, 4.0, 5.0]
+    assert len(env.films["episodes.html"][0]["positions"]) == 9  # the page has all of it
+
+
 def test_films_of_an_earlier_evaluation_do_not_stay(tmp_path):
     for name in ("first_success.mp4", "first_failure.mp4"):
         (tmp_path / name).write_bytes(b"old")

@@ -10,6 +10,9 @@ from tstar_rl.rollouts.watching import EpisodeLog, Signal
 
 __all__ = ["Recorder"]
 
+STUCK = 200
+"""Control steps (10 s) after the last subtask done, where the film of a failure ends. The page plays all of it."""
+
 
 class Recorder:
     """Remembers what the simulations did, to show the first success and the first failure among them.
@@ -49,6 +52,7 @@ class Recorder:
             if rows.any():
                 row = int(rows.int().argmax())
                 shown.append(self.log.episode(row, name.replace("_", " ")))
-                if self.env.write_mp4(path, self.log.positions(row)[1:]):
+                steps = int(self.log.lengths()[row]) if won[row] else self.log.last_done(row) + STUCK
+                if self.env.write_mp4(path, self.log.positions(row)[1 : steps + 1]):
                     written.append(path)
         return [*written, self.env.write_player(folder / "episodes.html", shown)]

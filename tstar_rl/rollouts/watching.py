@@ -62,6 +62,11 @@ class EpisodeLog:
         success, lengths = torch.stack(self._steps["success"]), self.lengths()
         return success[lengths - 1, torch.arange(len(lengths))]
 
+    def last_done(self, row: int) -> int:
+        """The step of simulation `row`'s first episode after which its subtask last changed; 0: it never did."""
+        changed = self._of("subtask", row, int(self.lengths()[row]) + 1).diff().nonzero()
+        return int(changed.max()) + 1 if len(changed) else 0
+
     def positions(self, row: int) -> Tensor:
         """(T + 1, nq): joint positions of simulation `row` in its first episode, from before the first step on."""
         return self._of("positions", row, int(self.lengths()[row]) + 1)
