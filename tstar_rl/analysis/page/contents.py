@@ -1,10 +1,12 @@
 """Which published experiments the page shows, from results/published/contents.yaml."""
 
-from dataclasses import dataclass, fields
+from collections.abc import Iterable, Sequence
+from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 
 import yaml
 
+from tstar_rl.analysis.questions import Question
 from tstar_rl.runs.run_folder import UNTRAINED
 
 __all__ = ["Contents", "Entry", "read_contents"]
@@ -26,6 +28,8 @@ class Entry:
     """Arms that are compared: first less second."""
     family: tuple[tuple[str, str], ...] = ()
     """Those of the pairs that decide a question together: their p-values are corrected for how many they are."""
+    questions: tuple[Question, ...] = ()
+    """Declared before the experiment ran, with the rule that answers each."""
     reference: str = UNTRAINED
     """The arm over which, of several tasks, the improvement of the others is shown."""
 
@@ -88,15 +92,15 @@ def _entry(root: Path, one: dict) -> Entry:
         raise ValueError(
             f"{root / FILE}: an experiment has no {', '.join(unknown)}; it has {', '.join(known)}"
         )
-    pairs, family = (
-        tuple((str(first), str(second)) for first, second in one.get(name, ()))
-        for name in ("pairs", "family")
-    )
-    if set(family) - set(pairs):
-        raise ValueError(
-            f"{root / FILE}: family of {one['folder']} has {sorted(set(family) - set(pairs))}, not in its pairs"
-        )
-    values = {**one, "folder": root / one["folder"], "pairs": pairs, "family": family}
+    pairs, family = (_pairs(one.get(name, ())) for name in ("pairs", "family"))
+    questions = tuple(_question(root, asked) for asked in one.get("questions", ()))
+    decisive = {"family": family, "questions": tuple(pair for asked in questions for pair in asked.pairs)}
+    for name, named in decisive.items():
+        if set(named) - set(pairs):
+            raise ValueError(
+                f"{root / FILE}: {name} of {one['folder']} has {sorted(set(named) - set(pairs))}, not in its pairs"
+            )
+    values = {**one, "folder": root / one["folder"], "pairs": pairs, "family": family, "questions": questions}
     entry = Entry(**values)
     for name, value, valid in (("kind", entry.kind, KINDS), ("commits", entry.commits, COMMITS)):
         if value not in valid:
@@ -106,3 +110,21 @@ def _entry(root: Path, one: dict) -> Entry:
     if not (entry.folder / "README.md").is_file():
         raise FileNotFoundError(f"{entry.folder / 'README.md'} gives an experiment's title, and is not there")
     return entry
+
+
+def _question(root: Path, asked: dict) -> Question:
+    """One item of an experiment's `questions`."""
+    valid = {field.name: field.default is MISSING for field in fields(Question)}
+    wrong = [name for name in asked if name not in valid]
+    wrong += [name for name, it_is_needed in valid.items() if it_is_needed and name not in asked]
+    if wrong:
+        needed = ", ".join(name for name, it_is_needed in valid.items() if it_is_needed)
+        raise ValueError(
+            f"{root / FILE}: a question has {', '.join(valid)}, and needs {needed}; of {asked.get('asks', asked)!r} "
+            f"these are missing or unknown: {', '.join(wrong)}"
+        )
+    return Question(**{**asked, "pairs": _pairs(asked["pairs"])})
+
+
+def _pairs(listed: Iterable[Sequence[str]]) -> tuple[tuple[str, str], ...]:
+    return tuple((str(first), str(second)) for first, second in listed)

@@ -19,10 +19,11 @@ from tstar_rl.analysis.page.markdown import (
     signed_interval,
     table,
 )
+from tstar_rl.analysis.questions import answer
 from tstar_rl.analysis.statistics import holm
 from tstar_rl.analysis.tables import UNKNOWN
 
-__all__ = ["arms", "commits", "comparison_table", "comparisons", "draw_experiment", "short_table"]
+__all__ = ["answers", "arms", "commits", "comparison_table", "comparisons", "draw_experiment", "short_table"]
 
 ARMS = "Every seed is a dot, with interquartile mean and 95% interval; right: the share of seeds above a progress."
 PAIRS = "Differences in progress on the same seed."
@@ -104,6 +105,24 @@ def comparison_table(experiment: Experiment, paper: Paper, entry: Entry, task: s
     header = ["difference in progress", "seeds", "mean [95%, bootstrap]", "95%, Student's t"]
     header += ["probability of improvement [95%]", *(["p, Holm"] if corrected else []), "the first is"]
     return table(header, lines) if lines else ""
+
+
+def answers(experiment: Experiment, paper: Paper, entry: Entry, task: str) -> str:
+    """The declared questions with their answers, and what was measured; nothing if none was declared."""
+    if not entry.questions:
+        return ""
+    found = compare_arms(ordered(experiment, paper, task), entry.pairs)
+    corrected = _corrected(found, entry)
+    if len(found):
+        found["corrected"] = [
+            corrected.get(pair, math.nan) for pair in zip(found["first"], found["second"], strict=True)
+        ]
+    lines = []
+    for question in entry.questions:
+        measured = [row for row in found.itertuples() if (row.first, row.second) in question.pairs]
+        shown = [signed_interval(row.difference, row.low, row.high) for row in measured]
+        lines.append([question.asks, "; ".join(shown) or NOTHING, f"**{answer(question, found)}**"])
+    return table(["question, declared before", "difference in progress [95%, bootstrap]", "answer"], lines)
 
 
 def _corrected(found: pd.DataFrame, entry: Entry) -> dict[tuple[str, str], float]:

@@ -62,7 +62,8 @@ def results_page(root: str | Path, paper: Paper, notes: str) -> str:
 def _filled(notes: str, entries: dict[str, Entry], paper: Paper) -> str:
     """The notes with the tables that they ask for.
 
-    `<!-- table: <folder> -->`, `<!-- comparisons: <folder> -->`; of several tasks, `<!-- over all tasks: <folder> -->`.
+    `<!-- table: <folder> -->`, `<!-- comparisons: <folder> -->`, `<!-- answers: <folder> -->`; of several
+    tasks, `<!-- over all tasks: <folder> -->`.
 
     Raises:
         ValueError: for a folder that is no experiment.
@@ -76,15 +77,16 @@ def _filled(notes: str, entries: dict[str, Entry], paper: Paper) -> str:
         experiment = read_experiment(entry.folder)
         if kind == "over all tasks":
             return short_over_tasks(experiment, paper, entry).strip()
+        written = {"comparisons": parts.comparison_table, "answers": parts.answers}
         shown = [
-            parts.short_table(experiment, paper, task)
-            if kind == "table"
-            else parts.comparison_table(experiment, paper, entry, task)
+            written[kind](experiment, paper, entry, task)
+            if kind in written
+            else parts.short_table(experiment, paper, task)
             for task in experiment.tasks
         ]
         return "\n".join(shown).strip()
 
-    return re.sub(r"<!-- (table|comparisons|over all tasks): (\S+) -->", fill, notes)
+    return re.sub(r"<!-- (table|comparisons|answers|over all tasks): (\S+) -->", fill, notes)
 
 
 def _evaluations(root: Path) -> pd.DataFrame:
@@ -114,6 +116,7 @@ def _experiment(entry: Entry, paper: Paper) -> str:
         said.append(f"### {entry.title}: {task}")
         leads: dict[str, str] = {}
         if experiment and task in experiment.tasks:
+            leads["Questions"] = parts.answers(experiment, paper, entry, task)
             leads["Arms"] = parts.arms(experiment, paper, task, entry.prefix)
             leads["Comparisons"] = parts.comparisons(experiment, paper, entry, task)
             leads["Turns"] = turns(metrics, paper, task, entry.prefix)

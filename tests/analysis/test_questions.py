@@ -1,0 +1,66 @@
+"""Answers of an experiment, by the rules that were declared, on tables written by hand."""
+
+import pandas as pd
+import pytest
+
+from tstar_rl.analysis.questions import Question, answer, seeds_to_decide
+
+
+def compared(first="a", second="b", difference=0.1, half=0.05, seeds=10, **more) -> dict:
+    verdict = "higher" if difference > half else "lower" if difference < -half else "not told apart"
+    row = {"first": first, "second": second, "difference": difference, "t_half": half, "seeds": seeds}
+    ends = {"low": difference - half, "high": difference + half, "verdict": verdict}
+    return {**row, **ends, "improvement": 1.0, "corrected": 0.001, **more}
+
+
+def said(*rows: dict, pairs=(("a", "b"),), **rule) -> str:
+    return answer(Question("Does it?", pairs, 10, **rule), pd.DataFrame(rows))
+
+
+@pytest.mark.parametrize(
+    ("row", "expected"),
+    [
+        (compared(), "yes"),
+        (compared(seeds=9), "being measured: 9 of 10 seeds"),
+        (compared("a", "c"), "being measured: 0 of 10 seeds"),
+        (compared(difference=0.01, half=0.02), "no, not by 0.05"),
+        (compared(difference=-0.1, half=0.02), "no, not by 0.05"),
+        # The bootstrap's end is below the margin, Student's is not. The deviation is .04 sqrt(10) / 2.262 = .0559, and
+        # the margin .03 away: 2.145 x .0559 / sqrt(15) = .0310, 2.131 x .0559 / sqrt(16) = .0298.
+        (compared(difference=0.02, half=0.04, high=0.03), "not decided; 16 seeds would"),
+    ],
+)
+def test_an_answer_follows_the_intervals_and_the_margin(row, expected):
+    assert said(row, margin=0.05) == expected
+
+
+def test_without_a_margin_there_is_no_no():
+    assert said(compared(difference=-0.1, half=0.02)) == "not shown"
+
+
+def test_every_pair_must_be_higher():
+    pairs = (("a", "b"), ("a", "c"))
+    assert said(compared(), compared(second="c"), pairs=pairs) == "yes"
+    assert said(compared(), compared(second="c", half=0.2), pairs=pairs) == "not shown"
+
+
+@pytest.mark.parametrize(
+    ("row", "expected"),
+    [
+        (compared(improvement=0.95), "yes"),
+        (compared(improvement=0.94), "not shown"),
+        (compared(corrected=0.05), "not shown"),
+        (compared(difference=-0.1, improvement=0.95), "not shown"),
+    ],
+)
+def test_an_improvement_needs_its_probability_and_its_corrected_p_value(row, expected):
+    assert said(row, improvement=0.95) == expected
+
+
+def test_seeds_to_decide_by_the_table_of_students_t():
+    # t(.975) of 4 seeds is 3.182, of 5 is 2.776: 3.182 / 2 = 1.591 and 2.776 / sqrt(5) = 1.241.
+    assert seeds_to_decide(1.3, 1.0, 0.0) == 5
+    assert seeds_to_decide(1.6, 1.0, 0.0) == 4
+    assert seeds_to_decide(-1.1, 1.0, 0.2) == 5  # the margin is 1.3 away
+    assert seeds_to_decide(0.0, 1.0, 1e-6) is None
+    assert seeds_to_decide(0.0, 0.0, 0.05) == 2

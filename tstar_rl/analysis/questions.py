@@ -1,0 +1,82 @@
+"""Questions that an experiment declared before it ran, answered from its comparisons by the rule declared with them."""
+
+import math
+from dataclasses import dataclass
+
+import pandas as pd
+from scipy.stats import t as student
+
+__all__ = ["Question", "answer", "seeds_to_decide"]
+
+MOST_SEEDS = 1_000
+"""Beyond these a number of seeds is not looked for."""
+
+
+@dataclass(frozen=True)
+class Question:
+    """A question about pairs of arms.
+
+    Attributes:
+        asks: in words.
+        pairs: (first, second); the answer is yes if the first is higher in every pair, in every interval.
+        seeds: that were declared; with fewer there is no answer yet.
+        margin: the answer is no if both intervals of every pair lie below it; None: there is no such answer.
+        improvement: the answer is yes only if in every pair the probability of improvement is at least this, and the
+            p-value, corrected for the family, below .05. None: the intervals decide.
+    """
+
+    asks: str
+    pairs: tuple[tuple[str, str], ...]
+    seeds: int
+    margin: float | None = None
+    improvement: float | None = None
+
+
+def answer(question: Question, found: pd.DataFrame) -> str:
+    """What the comparisons say.
+
+    Args:
+        question: that was declared.
+        found: of `compare_arms`; where the question has an `improvement`, with a column `corrected` of p-values.
+    """
+    if found.empty:
+        return f"being measured: 0 of {question.seeds} seeds"
+    lines = [found[(found["first"] == one) & (found["second"] == other)] for one, other in question.pairs]
+    measured = min(int(line["seeds"].max()) if len(line) else 0 for line in lines)
+    if measured < question.seeds:
+        return f"being measured: {measured} of {question.seeds} seeds"
+    rows = pd.concat(lines)
+    if question.improvement is not None:
+        sure = (rows["improvement"] >= question.improvement) & (rows["corrected"] < 0.05)
+        return "yes" if (sure & (rows["difference"] > 0)).all() else "not shown"
+    if (rows["verdict"] == "higher").all():
+        return "yes"
+    if question.margin is None:
+        return "not shown"
+    if (rows["high"].combine(rows["difference"] + rows["t_half"], max) < question.margin).all():
+        return f"no, not by {question.margin:g}"
+    needed = [seeds_to_decide(*one, question.margin) for one in zip(*_spread(rows), strict=True)]
+    return f"not decided; {max(needed)} seeds would" if all(needed) else "not decided"
+
+
+def _spread(rows: pd.DataFrame) -> tuple[list[float], list[float]]:
+    """Mean and standard deviation over seeds of each difference."""
+    quantiles = student.ppf(0.975, rows["seeds"] - 1)
+    return rows["difference"].tolist(), (rows["t_half"] * rows["seeds"] ** 0.5 / quantiles).tolist()
+
+
+def seeds_to_decide(mean: float, deviation: float, margin: float) -> int | None:
+    """The smallest number of seeds with which Student's interval would exclude 0 or the margin.
+
+    The difference and its standard deviation over seeds are taken to stay what they are. None: more than 1,000.
+
+    Args:
+        mean: difference of two arms.
+        deviation: of that difference over seeds.
+        margin: from which on a difference matters.
+    """
+    room = max(mean, margin - mean)
+    found = (
+        n for n in range(2, MOST_SEEDS + 1) if student.ppf(0.975, n - 1) * deviation / math.sqrt(n) < room
+    )
+    return next(found, None)
