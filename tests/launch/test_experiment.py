@@ -37,6 +37,19 @@ def test_the_steps_of_a_seed():
     assert "d_omega.steps=3" in steps[7] and "bonus_of=tstar" in steps[9]
 
 
+def test_an_arm_may_start_from_other_skills():
+    outset = {
+        "name": "outset",
+        "recipe": "policy_sequencing",
+        "skills": "bc",
+        "overrides": ["chain.gate=false"],
+    }
+    steps = parse_experiment({**SMALL, "arms": [*SMALL["arms"], outset]}).steps(2, 7, ["outset"])
+    assert [step[0] for step in steps[6:]] == ["bc", "bc", "policy_sequencing", "evaluate"]
+    assert steps[6:8] == [("bc", "subtask=0"), ("bc", "subtask=1")]
+    assert all("skills=bc" in step for step in steps[8:]) and "chain.gate=false" in steps[8]
+
+
 def test_some_arms_alone():
     experiment = parse_experiment(SMALL)
     steps = experiment.steps(2, 7, ["tstar"])

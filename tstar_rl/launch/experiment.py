@@ -1,7 +1,7 @@
 """A declared experiment: its arms, and the steps that each of its seeds takes.
 
-An arm is a way of fine-tuning the same skills. The arms of one seed share demonstrations, skills, budget and trials.
-They are evaluated on the same starts.
+An arm is a way of chaining, of the same skills unless it says so. The arms of one seed share demonstrations, skills,
+budget and trials. They are evaluated on the same starts.
 """
 
 import shutil
@@ -24,7 +24,7 @@ BONUS = "bonus_of="
 
 @dataclass(frozen=True)
 class Arm:
-    """One way of fine-tuning the same skills."""
+    """One way of chaining."""
 
     name: str
     recipe: str
@@ -35,13 +35,19 @@ class Arm:
     """Pays as `bonus` what another arm of the same seed was paid for a success, on average."""
     seeds: tuple[int, ...] | None = None
     """None: those of the experiment."""
+    skills: str = SKILLS
+    """The recipe of the skills that it starts from. With `bc` its turns are all the training that they have."""
 
-    def steps(self) -> list[Step]:
+    def steps(self, subtasks: int) -> list[Step]:
         """Training and evaluation, of a seed that is given with the values that all steps share."""
-        values = (f"system={self.name}", f"skills={SKILLS}", *self.overrides)
+        values = (f"system={self.name}", f"skills={self.skills}")
         bonus = () if self.bonus_of is None else (f"{BONUS}{self.bonus_of}",)
-        training: list[Step] = [] if self.recipe == UNTRAINED else [(self.recipe, *values, *bonus)]
-        return [*training, ("evaluate", f"system={self.name}", f"skills={SKILLS}", "video=false")]
+        own: list[Step] = []
+        if self.skills != SKILLS:
+            own = [(self.skills, f"subtask={index}") for index in range(subtasks)]
+        if self.recipe != UNTRAINED:
+            own.append((self.recipe, *values, *self.overrides, *bonus))
+        return [*own, ("evaluate", *values, "video=false")]
 
 
 @dataclass(frozen=True)
@@ -110,7 +116,7 @@ class DeclaredExperiment:
             steps += [("make_demonstrations", one), (SKILLS, one)]
             steps += [("evaluate", f"system={SKILLS}", one, "video=false")]
         arms = [arm for arm in self.arms_of(seed) if only is None or arm.name in only]
-        return [*steps, *(step for arm in arms for step in arm.steps())]
+        return [*steps, *(step for arm in arms for step in arm.steps(subtasks))]
 
     def check_arms(self, names: Iterable[str]) -> None:
         """Raises InvalidValueError for a name that no arm has."""
