@@ -57,10 +57,10 @@ def test_a_family_of_comparisons_is_corrected_for_all_of_it(published):
         "folder": "odd",
         "kind": "experiment",
         "pairs": pairs,
-        "family": [["tstar", "buffer"], ["tstar", "mine"]],
+        "families": [[["tstar", "buffer"], ["tstar", "mine"]]],
     }
     contents(published, [odd, {"folder": "plain", "kind": "paper"}], [])
-    with pytest.raises(ValueError, match=r"family of odd has \[\('tstar', 'mine'\)\], not in its pairs"):
+    with pytest.raises(ValueError, match=r"families of odd have \[\('tstar', 'mine'\)\], not in its pairs"):
         read_contents(published)
     pairs.append(["tstar", "mine"])
     contents(published, [odd, {"folder": "plain", "kind": "paper"}], [])
@@ -74,7 +74,7 @@ def test_a_family_of_comparisons_is_corrected_for_all_of_it(published):
 
 def test_declared_questions_are_answered_when_their_seeds_are_there(published):
     pair = [["tstar", "buffer_no_gate"]]
-    odd = {"folder": "odd", "kind": "experiment", "pairs": [*pair, ["tstar", "mine"]], "family": pair}
+    odd = {"folder": "odd", "kind": "experiment", "pairs": [*pair, ["tstar", "mine"]], "families": [pair]}
     odd["questions"] = [
         {"asks": "Is it higher?", "pairs": pair, "seeds": 2},
         {"asks": "Is it better?", "pairs": pair, "seeds": 2, "improvement": 0.95},
@@ -161,7 +161,7 @@ def test_arms_of_several_commits_are_refused_unless_the_contents_say_so(publishe
         ),
         (
             {"questions": [{"asks": "Is it?", "pairs": [["a", "b"]], "seeds": 2}]},
-            r"questions of odd has \[\('a', 'b'\)\], not in its pairs",
+            r"questions of odd have \[\('a', 'b'\)\], not in its pairs",
         ),
     ],
 )

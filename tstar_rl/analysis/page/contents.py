@@ -26,8 +26,8 @@ class Entry:
     """one: arms of several commits are refused; several: the page says which."""
     pairs: tuple[tuple[str, str], ...] = ()
     """Arms that are compared: first less second."""
-    family: tuple[tuple[str, str], ...] = ()
-    """Those of the pairs that decide a question together: their p-values are corrected for how many they are."""
+    families: tuple[tuple[tuple[str, str], ...], ...] = ()
+    """Pairs that decide a question together: the p-values of each family are corrected for how many they are."""
     questions: tuple[Question, ...] = ()
     """Declared before the experiment ran, with the rule that answers each."""
     reference: str = UNTRAINED
@@ -92,15 +92,20 @@ def _entry(root: Path, one: dict) -> Entry:
         raise ValueError(
             f"{root / FILE}: an experiment has no {', '.join(unknown)}; it has {', '.join(known)}"
         )
-    pairs, family = (_pairs(one.get(name, ())) for name in ("pairs", "family"))
+    pairs = _pairs(one.get("pairs", ()))
+    families = tuple(_pairs(family) for family in one.get("families", ()))
     questions = tuple(_question(root, asked) for asked in one.get("questions", ()))
-    decisive = {"family": family, "questions": tuple(pair for asked in questions for pair in asked.pairs)}
-    for name, named in decisive.items():
-        if set(named) - set(pairs):
-            raise ValueError(
-                f"{root / FILE}: {name} of {one['folder']} has {sorted(set(named) - set(pairs))}, not in its pairs"
-            )
-    values = {**one, "folder": root / one["folder"], "pairs": pairs, "family": family, "questions": questions}
+    for name, each in (("families", families), ("questions", [asked.pairs for asked in questions])):
+        unknown = sorted({pair for named in each for pair in named} - set(pairs))
+        if unknown:
+            raise ValueError(f"{root / FILE}: {name} of {one['folder']} have {unknown}, not in its pairs")
+    values = {
+        **one,
+        "folder": root / one["folder"],
+        "pairs": pairs,
+        "families": families,
+        "questions": questions,
+    }
     entry = Entry(**values)
     for name, value, valid in (("kind", entry.kind, KINDS), ("commits", entry.commits, COMMITS)):
         if value not in valid:

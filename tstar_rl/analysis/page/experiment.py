@@ -126,12 +126,15 @@ def answers(experiment: Experiment, paper: Paper, entry: Entry, task: str) -> st
 
 
 def _corrected(found: pd.DataFrame, entry: Entry) -> dict[tuple[str, str], float]:
-    """p-values of the family, corrected for all of it: a pair not run, or on one seed, counts with a p of 1."""
-    if found.empty or not entry.family:
+    """p-values of each family, corrected for all of it: a pair not run, or on one seed, counts with a p of 1."""
+    if found.empty:
         return {}
     known = {(row.first, row.second): row.p_value for row in found.itertuples()}
-    values = [known.get(pair, math.nan) for pair in entry.family]
-    return dict(zip(entry.family, holm(np.nan_to_num(values, nan=1.0)), strict=True))
+    corrected = {}
+    for family in entry.families:
+        values = np.nan_to_num([known.get(pair, math.nan) for pair in family], nan=1.0)
+        corrected |= dict(zip(family, holm(values), strict=True))
+    return corrected
 
 
 def _p_value(value: float | None) -> str:
