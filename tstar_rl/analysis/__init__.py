@@ -13,6 +13,7 @@ from tstar_rl.analysis.experiments import (
     read_experiment,
 )
 from tstar_rl.analysis.figures.arms import ablation_figure, arms_figure, differences_figure
+from tstar_rl.analysis.figures.costs import cost_figure, steps_of_arms
 from tstar_rl.analysis.figures.curves import ablation_curves, learning_curves, seed_curves
 from tstar_rl.analysis.figures.panels import save_figure
 from tstar_rl.analysis.figures.rise import rise_figure
@@ -77,6 +78,8 @@ __all__ = [
     "read_terminal_states",
     "reliability_figure",
     "rise_figure",
+    "steps_of_arms",
+    "cost_figure",
     "save_figure",
     "seed_curves",
     "spread",

@@ -1,6 +1,7 @@
 """Figures of results. Each function returns a `matplotlib.figure.Figure`; none touches pyplot or its backend."""
 
 from tstar_rl.analysis.figures.arms import ablation_figure, arms_figure, differences_figure
+from tstar_rl.analysis.figures.costs import cost_figure, steps_of_arms
 from tstar_rl.analysis.figures.curves import ablation_curves, learning_curves, seed_curves
 from tstar_rl.analysis.figures.panels import save_figure
 from tstar_rl.analysis.figures.rise import rise_figure
@@ -12,6 +13,7 @@ __all__ = [
     "ablation_figure",
     "ablation_curves",
     "arms_figure",
+    "cost_figure",
     "differences_figure",
     "exchanged_figure",
     "hand_over_matrix",
@@ -20,6 +22,7 @@ __all__ = [
     "rise_figure",
     "save_figure",
     "seed_curves",
+    "steps_of_arms",
     "tasks_figure",
     "terminal_state_plane",
 ]

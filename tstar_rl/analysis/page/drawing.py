@@ -7,6 +7,7 @@ import pandas as pd
 from tstar_rl.analysis.experiments import read_experiment
 from tstar_rl.analysis.figures import hand_over_matrix, save_figure, seed_curves, terminal_state_plane
 from tstar_rl.analysis.page.contents import Entry, read_contents
+from tstar_rl.analysis.page.costs import draw_costs
 from tstar_rl.analysis.page.experiment import draw_experiment
 from tstar_rl.analysis.page.markdown import Paper, picture
 from tstar_rl.analysis.page.over_tasks import draw_over_tasks
@@ -64,6 +65,7 @@ def draw_page(root: Path, paper: Paper, figures: Path) -> list[Path]:
             found += draw_experiment(experiment, paper, entry, figures)
             metrics = read_metrics(entry.folder)
             for task in experiment.tasks:
+                found += draw_costs(experiment, metrics, paper, task, entry.prefix, figures)
                 found += draw_turns(metrics, paper, task, entry.prefix, figures)
         found += _draw_runs(entry, figures)
     return found

@@ -12,6 +12,7 @@ from tstar_rl.analysis.experiments import read_experiment
 from tstar_rl.analysis.page import experiment as parts
 from tstar_rl.analysis.page import sections
 from tstar_rl.analysis.page.contents import Entry, read_contents
+from tstar_rl.analysis.page.costs import costs
 from tstar_rl.analysis.page.drawing import curves
 from tstar_rl.analysis.page.markdown import Paper
 from tstar_rl.analysis.page.over_tasks import over_tasks, short_over_tasks
@@ -119,6 +120,7 @@ def _experiment(entry: Entry, paper: Paper) -> str:
             leads["Questions"] = parts.answers(experiment, paper, entry, task)
             leads["Arms"] = parts.arms(experiment, paper, task, entry.prefix)
             leads["Comparisons"] = parts.comparisons(experiment, paper, entry, task)
+            leads["Costs"] = costs(metrics, task, entry.prefix)
             leads["Turns"] = turns(metrics, paper, task, entry.prefix)
         elif not experiment:
             leads["The paper's table and ours"] = sections.comparison(evaluations, paper, task)

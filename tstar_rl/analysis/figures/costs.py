@@ -1,0 +1,50 @@
+"""What the arms of an experiment cost, and what they give."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+from matplotlib.ticker import EngFormatter
+
+from tstar_rl.analysis.experiments import arm_table
+from tstar_rl.analysis.figures.panels import panels, readable
+from tstar_rl.analysis.turns import turn_table
+
+__all__ = ["cost_figure", "steps_of_arms"]
+
+
+def steps_of_arms(rows: pd.DataFrame, metrics: pd.DataFrame) -> pd.Series:
+    """Environment steps of each arm, mean over seeds: its skills', those it learned from after them, and its trials'.
+
+    Args:
+        rows: see `experiments.arm_table`, with a column env_steps.
+        metrics: of `read_metrics`; an arm without trials in it has none.
+    """
+    task = rows["task"].iloc[0]
+    turns = turn_table(metrics, task)
+    trials = turns["trial_steps"].fillna(0) if len(turns) else pd.Series(dtype=float)
+    learned = rows.groupby("arm", sort=False)["env_steps"].mean()
+    return learned.add(trials.reindex(learned.index, fill_value=0))
+
+
+def cost_figure(rows: pd.DataFrame, metrics: pd.DataFrame, labels: Mapping[str, str] | None = None) -> Figure:
+    """Progress of each arm of a task, with its interval, against all environment steps that it took.
+
+    Args:
+        rows: see `steps_of_arms`.
+        metrics: see `steps_of_arms`.
+        labels: of arms.
+    """
+    figure, grid = panels(1, 1, (8, 4.5))
+    axes, steps = grid[0, 0], steps_of_arms(rows, metrics)
+    for place, (arm, row) in enumerate(arm_table(rows).iterrows()):
+        ends = [[row["progress"] - row["progress_low"]], [row["progress_high"] - row["progress"]]]
+        style = {"fmt": "o", "color": f"C{place % 10}", "capsize": 3, "markersize": 7}
+        name = f"{(labels or {}).get(str(arm), readable(arm))}: {row['seeds']:.0f}"
+        axes.errorbar(steps[arm], row["progress"], yerr=np.clip(ends, 0, None), label=name, **style)
+    axes.set(xlabel="environment steps: skills, fine-tuning and trials", ylabel="progress", ylim=(0, 1.02))
+    axes.xaxis.set_major_formatter(EngFormatter(sep=""))
+    axes.set_xlim(left=0)
+    axes.legend(fontsize=8, title="arm: seeds", title_fontsize=8, loc="lower right")
+    return figure
