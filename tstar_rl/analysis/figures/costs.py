@@ -23,7 +23,7 @@ def steps_of_arms(rows: pd.DataFrame, metrics: pd.DataFrame) -> pd.Series:
     """
     task = rows["task"].iloc[0]
     turns = turn_table(metrics, task)
-    trials = turns["trial_steps"].fillna(0) if len(turns) else pd.Series(dtype=float)
+    trials = turns["trial_steps"] if len(turns) else pd.Series(dtype=float)
     learned = rows.groupby("arm", sort=False)["env_steps"].mean()
     return learned.add(trials.reindex(learned.index, fill_value=0))
 
