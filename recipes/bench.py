@@ -4,10 +4,11 @@
     python recipes/bench.py bench.assemble=true   # also runs all of assemble.py
 
 `bare` is `mujoco.batch` stepping what the environment stepped: the same controls from the same states, resets not
-timed. `env` is the environment on those random actions, resets and all; `train` is the loop of `gail_ppo.py`
-after its warm start; `chain` a turn of every skill by `tstar.py`, see `bench_chain.py`. `single_*` is one simulation
-in a front, on random actions. `*_seconds` is what a user waits for, see `bench_start.py`. `assemble_minutes` is what
-assemble.py last took from nothing. `ratio_to_bare` is against the bare simulator under the same policy, see `BARE`.
+timed. `env` is the environment on those random actions, resets and all; `train` is the loop of `gail_ppo.py` after its
+warm start, and `bare_train` the bare simulator on the controls of that very loop; `chain` a turn of every skill by
+`tstar.py`, see `bench_chain.py`. `single_*` is one simulation in a front, on random actions. `*_seconds` is what a user
+waits for, see `bench_start.py`. `assemble_minutes` is what assemble.py last took from nothing. `ratio_to_bare` is
+against the bare simulator under the same policy, see `BARE`.
 Where there is a GPU, see `bench_device.py` too.
 """
 
@@ -26,7 +27,7 @@ os.environ.setdefault(
 
 import pandas as pd
 import torch
-from bench_bare import Replay, environment_rate, random_policy, single_rates
+from bench_bare import Replay, environment_rate, random_policy, replay, single_rates
 from bench_chain import chain_rates
 from bench_device import device_rows
 from bench_start import start_rows
@@ -45,11 +46,11 @@ from tstar_rl.seeds import derive_seed
 
 BARE = {
     "env_policy": "bare_policy",
-    "train": "bare_policy",
+    "train": "bare_train",
     "chain": "bare_chain",
     "single_gymnasium": "bare_single",
     "single_dm": "bare_single",
-} | {f"bare_{under}": f"bare_{under}" for under in ("policy", "chain", "single")}
+} | {f"bare_{under}": f"bare_{under}" for under in ("policy", "train", "chain", "single")}
 """The bare simulator under the same policy, of each measure where it is not `bare` (random actions)."""
 OWN = ("bench.", "subtask=", "training.")
 """Beginnings of values that are not passed on: a chain has its own subtasks and number of simulations."""
@@ -85,21 +86,21 @@ def main(config: DictConfig) -> None:
 
     act = partial(random_policy, torch.Generator().manual_seed(seed))
     env = _environment(config, seed)
-    replay = Replay(env, act, bench.steps)
-    note(bare_one_thread=replay.rate(1))
+    told = replay(env, act, bench.steps)
+    note(bare_one_thread=told.rate(1))
     for _ in range(bench.rounds):
-        note(bare=replay.rate(config.nthread), env=environment_rate(env, act, bench.steps))
+        note(bare=told.rate(config.nthread), env=environment_rate(env, act, bench.steps))
     skill, expert = warm_started(config, seed)
-    with torch.no_grad():
-        replay = Replay(env, skill.policy, bench.steps)
+    told = replay(env, skill.policy, bench.steps)
     training = Training(config, skill, expert, _environment(config, seed), seed)
     training.rate(2)  # the first rollouts begin with all simulations at their start
     for _ in range(bench.rounds):
         note(
-            bare_policy=replay.rate(config.nthread),
+            bare_policy=told.rate(config.nthread),
             env_policy=environment_rate(env, skill.policy, bench.steps),
-            train=training.rate(bench.updates),
         )
+        learned = Replay(training.world, lambda: note(train=training.rate(bench.updates)))
+        note(bare_train=learned.rate(config.nthread))
     for _ in range(bench.rounds):
         note(**single_rates(config.task.name, config.subtask, bench.single_steps, seed))
     given = [value for value in HydraConfig.get().overrides.task if not value.startswith(OWN)]

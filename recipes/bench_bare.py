@@ -7,6 +7,7 @@ import gymnasium
 import numpy as np
 import torch
 from tensordict import TensorDictBase
+from torch import Tensor
 
 import tstar_envs
 from tstar_envs.gymnasium_env import environment_id
@@ -15,44 +16,69 @@ from tstar_envs.scene import SUBSTEPS
 
 
 class Replay:
-    """What the simulators of an environment were told in `steps` steps of a policy, to tell it to bare ones.
+    """What the simulators of a world were told while something stepped it, to tell it to bare ones.
 
     Attributes:
         start: states and weld poses before the first step.
         controls: of each step, (N, nu).
-        restarts: of each step, None or (which simulations began anew, states, weld poses).
+        restarts: before each step, None or (which simulations began anew since the last, states, weld poses).
+
+    Args:
+        world: on the CPU; all its simulations step together.
+        run: steps it.
     """
 
-    def __init__(self, env, policy: Callable, steps: int) -> None:
-        self.world = world = env.base_env.world
-        tensordict = env.reset()
+    def __init__(self, world, run: Callable[[], object]) -> None:
+        self.world = world
         self.start = self._rows()
         self.controls, self.restarts = [], []
-        for _ in range(steps):
-            tensordict = policy(tensordict)
-            world.task.before_step(world.state, tensordict["action"].double().clamp(-1, 1))
-            self.controls.append(world.physics.ctrl.clone())
-            stepped, tensordict = env.step_and_maybe_reset(tensordict)
-            done = stepped["next", "done"].squeeze(-1)
-            self.restarts.append((done, *self._rows()) if done.any() else None)
+        physics = world.physics
+        cleared = torch.zeros(world.num_sims, dtype=torch.bool)
+        step, clear = physics.step, physics.clear
 
-    def _rows(self):
+        def told_to_clear(mask: Tensor) -> None:
+            cleared.logical_or_(mask)
+            clear(mask)
+
+        def told_to_step(substeps: int, mask: Tensor | None = None) -> Tensor:
+            if mask is None:
+                self.controls.append(physics.ctrl.clone())
+                self.restarts.append((cleared.clone(), *self._rows()) if cleared.any() else None)
+                cleared.zero_()
+            return step(substeps, mask)
+
+        physics.step, physics.clear = told_to_step, told_to_clear
+        try:
+            run()
+        finally:
+            del physics.step, physics.clear
+
+    def _rows(self) -> tuple[Tensor, Tensor]:
         return self.world.physics.state(), self.world.physics.eq_data.clone()
 
     def rate(self, nthread: int) -> float:
         """Control steps a second of bare `mujoco.batch`; restarts are not timed."""
         physics = CpuPhysics(self.world.model, self.world.num_sims, nthread)
+        return len(self.controls) * self.world.num_sims / self.tell(physics)
+
+    def tell(self, physics: CpuPhysics) -> float:
+        """Tells it all to other simulators; the seconds they stepped."""
         physics.set_state(*self.start)
         spent = 0.0
         for controls, restart in zip(self.controls, self.restarts, strict=True):
+            if restart is not None:
+                began_anew, states, welds = restart
+                physics.set_state(states, welds, began_anew)
             began = time.perf_counter()
             physics.ctrl[:] = controls
             physics.batch.step(nstep=SUBSTEPS)
             spent += time.perf_counter() - began
-            if restart is not None:
-                done, states, welds = restart
-                physics.set_state(states, welds, done)
-        return len(self.controls) * self.world.num_sims / spent
+        return spent
+
+
+def replay(env, policy: Callable, steps: int) -> Replay:
+    """What the simulators of an environment are told in `steps` steps of a policy from new episodes on."""
+    return Replay(env.base_env.world, lambda: environment_rate(env, policy, steps))
 
 
 @torch.no_grad()

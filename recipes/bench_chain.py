@@ -6,8 +6,7 @@ from pathlib import Path
 from statistics import harmonic_mean
 from tempfile import TemporaryDirectory
 
-import torch
-from bench_bare import Replay
+from bench_bare import replay
 from bench_training import cloned
 from hydra import compose
 from make_demonstrations import main as make_demonstrations
@@ -66,8 +65,7 @@ def _bare(config: DictConfig, skill: Skill, steps: int) -> float:
     training = config.training
     seed = derive_seed(config.seed, "train", skill.subtask)
     env = environment(config, skill.subtask, training.num_envs, seed, max_steps=training.max_steps)
-    with torch.no_grad():
-        return Replay(env, skill.policy, steps).rate(config.nthread)
+    return replay(env, skill.policy, steps).rate(config.nthread)
 
 
 def _learned_from(config: DictConfig, skills: int) -> int:

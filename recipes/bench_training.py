@@ -50,6 +50,7 @@ class Training:
         ppo = settings(PPOSettings, config.ppo)
         self.update_policy = PolicyUpdate(skill.policy, skill.value, ppo, skill.return_scale, seed)
         self.reward = weighted(settings(RewardMixture, config.reward), {"gail": GAILReward(skill.f_phi)})
+        self.world = env.base_env.world
         self.collection = Collection(env, skill.policy, config.training.horizon)
 
     def rate(self, iterations: int) -> float:

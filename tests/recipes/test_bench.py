@@ -1,12 +1,18 @@
 """The rows of the bench: what each is held against, the fronts alone, a chain, and what assemble.py took."""
 
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import pytest
+import torch
 from hydra import compose, initialize_config_dir
 
+from tstar_envs.physics.cpu import CpuPhysics
 from tstar_rl.config.load import CONFIGS
+from tstar_rl.env.furniture_env import FurnitureEnv
+from tstar_rl.rollouts.collection import with_starts
 
 RECIPES = Path(__file__).resolve().parents[2] / "recipes"
 SMALL_CHAIN = [
@@ -31,7 +37,8 @@ def _recipes(monkeypatch):
 def test_a_rate_is_held_against_the_bare_simulator_under_its_policy():
     from bench import rows_of
 
-    rates = {"bare": [90.0, 100.0, 500.0], "bare_policy": [50.0], "env": [80.0], "train": [40.0]}
+    rates = {"bare": [90.0, 100.0, 500.0], "bare_policy": [50.0], "env": [80.0]}
+    rates |= {"bare_train": [50.0], "train": [40.0]}
     rows = {row["measure"]: row for row in rows_of(rates)}
     assert rows["env"] == {
         "measure": "env", "value": 80.0, "unit": "environment steps / s", "ratio_to_bare": 0.8
@@ -118,3 +125,21 @@ def test_memory_is_flat_over_rollouts():
         rows = list(memory(compose("recipe/bench_growth", values)))
     assert [row["rollouts"] for row in rows] == list(range(4, 41, 4))
     assert rows[-1]["megabytes"] < 1.02 * rows[2]["megabytes"]
+
+
+def test_a_bare_simulator_that_is_told_the_same_ends_in_the_same_states():
+    """Over episodes that end after five steps and begin anew, drawing new starts."""
+    from bench_bare import random_policy, replay
+
+    env = with_starts(FurnitureEnv("table_lack", 4, subtask=0, nthread=1, seed=0, max_steps=5))
+    world: Any = env.base_env.world
+    told = replay(env, partial(random_policy, torch.Generator().manual_seed(0)), 12)
+    assert len(told.controls) == 12
+    assert [restart is not None for restart in told.restarts] == [step % 5 == 0 for step in range(12)]
+    bare = CpuPhysics(world.model, 4, 1)
+    assert told.tell(bare) > 0
+    torch.testing.assert_close(
+        bare.qpos, world.physics.qpos, rtol=0, atol=1e-4
+    )  # a restart forgets sleep timers
+    world.step(torch.zeros(4, 9))
+    assert len(told.controls) == 12  # nobody listens any more
