@@ -2,6 +2,7 @@
 
     python recipes/bench.py
     python recipes/bench.py bench.assemble=true   # also runs all of assemble.py
+    python recipes/bench.py bench.measures=[chain] bench.starts=false scale=narrow bench.chain_rounds=4
 
 `bare` is `mujoco.batch` stepping what the environment stepped: the same controls from the same states, resets not
 timed. `env` is the environment on those random actions, resets and all; `train` is the loop of `gail_ppo.py` after its
@@ -12,6 +13,7 @@ against the bare simulator under the same policy, see `BARE`.
 Where there is a GPU, see `bench_device.py` too.
 """
 
+import math
 import os
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -60,6 +62,8 @@ OWN = ("bench.", "subtask=", "training.")
 class BenchSection:
     """The section `bench` of `configs/recipe/bench.yaml`."""
 
+    measures: tuple[str, ...]
+    starts: bool
     steps: int
     rounds: int
     updates: int
@@ -70,52 +74,86 @@ class BenchSection:
     single_steps: int
     assemble: bool
 
+    def __post_init__(self) -> None:
+        unknown = [name for name in self.measures if name not in MEASURES]
+        if unknown:
+            raise ValueError(f"bench.measures has {unknown[0]!r}; valid are {', '.join(MEASURES)}")
+
 
 @recipe("bench", bench=BenchSection)
 def main(config: DictConfig) -> None:
     """Measures, prints and writes <results_dir>/bench.csv."""
-    bench, seed = config.bench, derive_seed(config.seed, "train")
-    torch.manual_seed(seed)
-    rates: dict[str, list[float]] = {}
-    rounds = tqdm(total=3 * bench.rounds + 2 + len(bench.workers), disable=not config.progress_bar)
-
-    def note(**measured: float) -> None:
-        for name, rate in measured.items():
-            rates.setdefault(name, []).append(rate)
-        rounds.update()
-
-    act = partial(random_policy, torch.Generator().manual_seed(seed))
-    env = _environment(config, seed)
-    told = replay(env, act, bench.steps)
-    note(bare_one_thread=told.rate(1))
-    for _ in range(bench.rounds):
-        note(bare=told.rate(config.nthread), env=environment_rate(env, act, bench.steps))
-    skill, expert = warm_started(config, seed)
-    told = replay(env, skill.policy, bench.steps)
-    training = Training(config, skill, expert, _environment(config, seed), seed)
-    training.rate(2)  # the first rollouts begin with all simulations at their start
-    for _ in range(bench.rounds):
-        note(
-            bare_policy=told.rate(config.nthread),
-            env_policy=environment_rate(env, skill.policy, bench.steps),
-        )
-        learned = Replay(training.world, lambda: note(train=training.rate(bench.updates)))
-        note(bare_train=learned.rate(config.nthread))
-    for _ in range(bench.rounds):
-        note(**single_rates(config.task.name, config.subtask, bench.single_steps, seed))
     given = [value for value in HydraConfig.get().overrides.task if not value.startswith(OWN)]
-    threads = [f"nthread={config.nthread}", f"torch_threads={config.torch_threads}"]
-    note(**chain_rates([*given, *threads], bench.chain_rounds, bench.steps))
-    for workers in bench.workers:
-        name = f"torchrl_parallel_{workers}" if workers > 1 else "torchrl_one"
-        note(**{name: wrapped_rate(config.task.name, workers, bench.worker_steps)})
-    rounds.close()
+    rates: dict[str, list[float]] = {}
+    for name in tqdm(config.bench.measures, disable=not config.progress_bar):
+        torch.manual_seed(derive_seed(config.seed, "train"))
+        for measured in MEASURES[name](config, given):
+            for measure, rate in measured.items():
+                rates.setdefault(measure, []).append(rate)
     path = Path(config.results_dir) / "bench.csv"
-    write([*rows_of(rates), *start_rows(given), *assemble_row(config, given)], path)
+    waits = start_rows(given) if config.bench.starts else ()
+    write([*rows_of(rates), *waits, *assemble_row(config, given)], path)
     for row in on_a_gpu(HydraConfig.get().overrides.task):
         print(row)
         append_rows(path, [row], ("measure",))  # at once: the largest number may not fit
     print(path)
+
+
+def measure_environment(config: DictConfig, given: Sequence[str]) -> Iterator[dict[str, float]]:
+    """Bare simulator and environment, on random actions."""
+    bench, seed = config.bench, derive_seed(config.seed, "train")
+    act = partial(random_policy, torch.Generator().manual_seed(seed))
+    env = _environment(config, seed)
+    told = replay(env, act, bench.steps)
+    yield {"bare_one_thread": told.rate(1)}
+    for _ in range(bench.rounds):
+        yield {"bare": told.rate(config.nthread), "env": environment_rate(env, act, bench.steps)}
+
+
+def measure_training(config: DictConfig, given: Sequence[str]) -> Iterator[dict[str, float]]:
+    """Bare simulator, environment and training under a skill's policy."""
+    bench, seed = config.bench, derive_seed(config.seed, "train")
+    skill, expert = warm_started(config, seed)
+    env = _environment(config, seed)
+    told = replay(env, skill.policy, bench.steps)
+    training = Training(config, skill, expert, _environment(config, seed), seed)
+    training.rate(2)  # the first rollouts begin with all simulations at their start
+    learned: list[float] = []
+    for _ in range(bench.rounds):
+        yield {"bare_policy": told.rate(config.nthread)}
+        yield {"env_policy": environment_rate(env, skill.policy, bench.steps)}
+        same = Replay(training.world, lambda: learned.append(training.rate(bench.updates)))
+        yield {"train": learned[-1], "bare_train": same.rate(config.nthread)}
+
+
+def measure_single(config: DictConfig, given: Sequence[str]) -> Iterator[dict[str, float]]:
+    """One simulation: bare, and in Gymnasium's and dm_control's fronts."""
+    bench, seed = config.bench, derive_seed(config.seed, "train")
+    for _ in range(bench.rounds):
+        yield single_rates(config.task.name, config.subtask, bench.single_steps, seed)
+
+
+def measure_chain(config: DictConfig, given: Sequence[str]) -> Iterator[dict[str, float]]:
+    """A T-STAR chain, and the bare simulator under its policies."""
+    threads = [f"nthread={config.nthread}", f"torch_threads={config.torch_threads}"]
+    yield chain_rates([*given, *threads], config.bench.chain_rounds, config.bench.steps)
+
+
+def measure_wrapped(config: DictConfig, given: Sequence[str]) -> Iterator[dict[str, float]]:
+    """TorchRL's wrapper around dm_control, alone and in processes."""
+    for workers in config.bench.workers:
+        name = f"torchrl_parallel_{workers}" if workers > 1 else "torchrl_one"
+        yield {name: wrapped_rate(config.task.name, workers, config.bench.worker_steps)}
+
+
+MEASURES = {
+    "environment": measure_environment,
+    "training": measure_training,
+    "single": measure_single,
+    "chain": measure_chain,
+    "wrapped": measure_wrapped,
+}
+"""Names that `bench.measures` may have, and what yields rates of them, in environment steps a second."""
 
 
 def _environment(config: DictConfig, seed: int):
@@ -142,7 +180,7 @@ def rows_of(rates: dict[str, list[float]]) -> Iterator[dict[str, Any]]:
     """Medians, each with its ratio to the bare simulator under the same policy; of one simulation in two units."""
     middle = {name: median(values) for name, values in rates.items()}
     for name, rate in middle.items():
-        ratio = round(rate / middle[BARE.get(name, "bare")], 3)
+        ratio = round(rate / middle.get(BARE.get(name, "bare"), math.nan), 3)
         row = {
             "measure": name,
             "value": round(rate, 1),
