@@ -104,4 +104,5 @@ def test_it_runs_on_the_committed_tables(path, kernel):
     if path.stem in variants.names():
         assert_all_is_shown(path.stem, text, pictures)
     else:
-        assert "verdict" in text and "not told apart" in text and pictures >= 2
+        assert "verdict" in text and pictures >= 2
+        assert any(verdict in text for verdict in ("higher", "lower", "not told apart"))

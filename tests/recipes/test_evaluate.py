@@ -143,7 +143,8 @@ def test_rows_films_and_config_lie_beside_each_other(recipe, call, tmp_path):
     assert table[["seed", "episodes", "checkpoint"]].values.tolist() == [[4, 2, "last"]]
     config = yaml.safe_load((folder / "config.yaml").read_text())
     assert (config["system"], config["seed"], config["subtask"]) == ("mine", 4, 2)
-    assert config["env"]["max_steps"] == 5 and config["versions"]["torch"] == torch.__version__
+    assert config["env"]["max_steps"] == 5
+    assert torch.__version__.split("+")[0] == config["versions"]["torch"].split("+")[0]  # a build may follow
     films = {path.name for path in folder.glob("*.mp4")}
     assert films <= {"first_failure.mp4"}  # where this machine can draw
     assert "first failure" in (folder / "episodes.html").read_text() and len(list(folder.glob("*.html"))) == 1
