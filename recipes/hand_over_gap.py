@@ -6,10 +6,12 @@
 Nothing is trained. <results_dir>/<task>/hand_over_gap.csv has a row for the chain as it was trained (floor 0) and one
 for each floor under its normalisers' deviations; its gap is the product of the skills' own success, as trained, less
 that row's progress. <results_dir>/<task>/seams.csv has a row for each skill that takes over: a cross-validated
-classifier's area under the curve, what falls when a group of its inputs is shuffled, and how much of the outcome the
-skill before it decides (see `tstar_rl.chaining.influence`). Rows of the same chain are replaced.
+classifier's area under the curve, what falls when a group of its inputs is shuffled, success on either side of one
+input (split_by="joint 6"; null: the strongest one), and how much of the outcome the skill before it decides (see
+`tstar_rl.chaining.influence`). Rows of the same chain are replaced.
 """
 
+import difflib
 import math
 from collections.abc import Sequence
 from functools import partial
@@ -28,7 +30,9 @@ from tstar_rl.chaining.chain import ChainPolicy
 from tstar_rl.chaining.exchange import run_from
 from tstar_rl.chaining.influence import Influence, influence_of
 from tstar_rl.chaining.skill import Skill
+from tstar_rl.chaining.two_sides import two_sides
 from tstar_rl.chaining.what_decides import input_groups, input_names, strongest_input, what_decides
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.build import environment
 from tstar_rl.config.load import recipe
 from tstar_rl.config.seams import chain_of, env_at_seam
@@ -43,17 +47,25 @@ from tstar_rl.seeds import derive_seed
 _OWN, _CHAIN, _INFLUENCE = 3, 4, 5
 
 
-@recipe("hand_over_gap", checkpoint=str, floors=tuple[float, ...], influence_starts=int, influence_times=int)
+@recipe(
+    "hand_over_gap", checkpoint=str, floors=tuple[float, ...], influence_starts=int, influence_times=int,
+    split_by=str | None,
+)  # fmt: skip
 def main(config: DictConfig) -> None:
     """Measures one chain, writes and prints both tables."""
     place, skills = Path(config.results_dir) / config.task.name, chain_of(config, config.system)
     chain = {"system": config.system, "seed": config.seed, "checkpoint": config.checkpoint}
-    own = [_own_successes(config, index, skill) for index, skill in enumerate(skills)]
     parts = part_names(config.task.name)
+    if config.split_by not in (None, *(names := input_names(parts))):
+        near = ", ".join(difflib.get_close_matches(config.split_by, names, n=3)) or ", ".join(names)
+        raise InvalidValueError(f"split_by must be null or an input such as {near}; got {config.split_by!r}")
+    own = [_own_successes(config, index, skill) for index, skill in enumerate(skills)]
     found = _influences(config, skills) if config.influence_starts else [None] * (len(skills) - 1)
     progress, seams = _run_chain(config, skills)
     rows = [chain | {"floor": 0.0} | _row(config, own, progress)]
-    lines = [chain | _seam_row(each, parts, some) for each, some in zip(seams, found, strict=True)]
+    lines = [
+        chain | _seam_row(each, parts, some, config.split_by) for each, some in zip(seams, found, strict=True)
+    ]
     for floor in sorted(config.floors):
         raised = sum(skill.normalizer.raise_to(floor) for skill in skills)
         progress, _ = _run_chain(config, skills)
@@ -100,14 +112,20 @@ def _columns(name: str, found: Interval) -> dict[str, float]:
     return {name: found.value, f"{name}_low": found.low, f"{name}_high": found.high}
 
 
-def _seam_row(seam: Seam, parts: Sequence[str], influence: Influence | None) -> dict[str, Any]:
+def _seam_row(
+    seam: Seam, parts: Sequence[str], influence: Influence | None, split_by: str | None
+) -> dict[str, Any]:
     """What a skill is handed, how well that tells its outcome, by what, and how much the skill before decides."""
     won = seam.succeeded
     decision = what_decides(seam.observations, won, input_groups(parts))
     row: dict[str, Any] = {"subtask": seam.subtask, "states": len(won)}
     row |= {"succeeded": float(won.double().mean()) if len(won) else math.nan, "area": decision.area}
     row |= {f"fall {name}": fall for name, fall in decision.falls.items()}
-    row["strongest"], row["strongest_area"] = strongest_input(seam.observations, won, input_names(parts))
+    names = input_names(parts)
+    row["strongest"], row["strongest_area"] = strongest_input(seam.observations, won, names)
+    row["split_by"] = by = split_by or row["strongest"]
+    values = seam.observations[:, names.index(by)] if by else seam.observations[:0, 0]
+    row |= two_sides(values.cpu(), won.cpu())._asdict()
     known = influence or Influence(0, math.nan, math.nan)
     return row | {
         "influence_starts": known.starts,

@@ -48,6 +48,8 @@ def test_gap_floors_cause_and_influence_of_a_chain_that_fails_where_y_is_negativ
     assert first.succeeded == pytest.approx(0.5, abs=0.07)
     assert first.area > 0.95
     assert (first.strongest, first.strongest_area) == ("joint 1", 1.0), "y"
+    assert first.split_by == "joint 1" and abs(first.split) < 0.1, "two heaps, y < 0 and y > 0"
+    assert first.succeeded_below < 0.1 and first.succeeded_above > 0.9
     assert first["fall robot"] > 0.3, "x and y are the first two numbers, the robot's"
     assert abs(first["fall leg_2 position"]) < 0.02
     assert first.influence_starts == 32
@@ -61,3 +63,11 @@ def test_a_second_run_replaces_its_own_rows_and_leaves_others(measure):
     again, seams = measure(*few)
     pd.testing.assert_frame_equal(first, again)
     assert seams.influence_starts.tolist() == [0, 0, 0]
+
+
+def test_sides_of_an_input_that_is_asked_for(measure):
+    few = ("evaluation.episodes=8", "influence_starts=0", "floors=[]")
+    _, seams = measure(*few, "split_by=joint 0")
+    assert seams.split_by.tolist() == ["joint 0"] * 3
+    with pytest.raises(ValueError, match="split_by must be null or an input such as joint 6.*got 'joint7'"):
+        measure(*few, "split_by=joint7")
