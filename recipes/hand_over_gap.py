@@ -8,7 +8,7 @@ for each floor under its normalisers' deviations; its gap is the product of the 
 that row's progress. <results_dir>/<task>/seams.csv has a row for each skill that takes over: a cross-validated
 classifier's area under the curve, what falls when a group of its inputs is shuffled, success on either side of one
 input (split_by="joint 6"; null: the strongest one), and how much of the outcome the skill before it decides (see
-`tstar_rl.chaining.influence`). Rows of the same chain are replaced.
+`tstar_rl.chaining.influence`). Rows of the same chain are replaced; seams.png shows the two sides.
 """
 
 import difflib
@@ -24,6 +24,7 @@ from omegaconf import DictConfig
 from tensordict import TensorDictBase
 from torchrl.envs import ExplorationType, set_exploration_type
 
+from tstar_rl.analysis.figures import save_figure, sides_figure
 from tstar_rl.analysis.hand_over_gap import chain_interval, gap_interval, product_interval
 from tstar_rl.analysis.statistics import Interval
 from tstar_rl.chaining.chain import ChainPolicy
@@ -71,8 +72,11 @@ def main(config: DictConfig) -> None:
         progress, _ = _run_chain(config, skills)
         rows.append(chain | {"floor": floor, "raised_inputs": raised} | _row(config, own, progress))
     key = ("system", "seed", "checkpoint")
-    for file, new, more in (("hand_over_gap.csv", rows, "floor"), ("seams.csv", lines, "subtask")):
-        print(append_rows(place / file, new, (*key, more)).round(3).to_string(index=False))
+    print(append_rows(place / "hand_over_gap.csv", rows, (*key, "floor")).round(3).to_string(index=False))
+    table = append_rows(place / "seams.csv", lines, (*key, "subtask"))
+    print(table.round(3).to_string(index=False))
+    shown = table[table["checkpoint"] == config.checkpoint]
+    print(save_figure(sides_figure(shown), place / "seams.png"))
 
 
 def _own_successes(config: DictConfig, index: int, skill: Skill) -> int:

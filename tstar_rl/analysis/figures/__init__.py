@@ -6,6 +6,7 @@ from tstar_rl.analysis.figures.curves import ablation_curves, learning_curves, s
 from tstar_rl.analysis.figures.panels import save_figure
 from tstar_rl.analysis.figures.rise import rise_figure
 from tstar_rl.analysis.figures.seams import exchanged_figure
+from tstar_rl.analysis.figures.sides import sides_figure
 from tstar_rl.analysis.figures.states import hand_over_matrix, reliability_figure, terminal_state_plane
 from tstar_rl.analysis.figures.tasks import tasks_figure
 
@@ -22,6 +23,7 @@ __all__ = [
     "rise_figure",
     "save_figure",
     "seed_curves",
+    "sides_figure",
     "steps_of_arms",
     "tasks_figure",
     "terminal_state_plane",
