@@ -10,7 +10,7 @@ warm start, and `bare_train` the bare simulator on the controls of that very loo
 `tstar.py`, see `bench_chain.py`. `single_*` is one simulation in a front, on random actions. `*_seconds` is what a user
 waits for, see `bench_start.py`. `assemble_minutes` is what assemble.py last took from nothing. `ratio_to_bare` is
 against the bare simulator under the same policy, see `BARE`.
-Where there is a GPU, see `bench_device.py` too.
+`gpu_*`, where there is a GPU: see `bench_device.py`.
 """
 
 import math
@@ -75,9 +75,10 @@ class BenchSection:
     assemble: bool
 
     def __post_init__(self) -> None:
-        unknown = [name for name in self.measures if name not in MEASURES]
+        valid = (*MEASURES, GPU)
+        unknown = [name for name in self.measures if name not in valid]
         if unknown:
-            raise ValueError(f"bench.measures has {unknown[0]!r}; valid are {', '.join(MEASURES)}")
+            raise ValueError(f"bench.measures has {unknown[0]!r}; valid are {', '.join(valid)}")
 
 
 @recipe("bench", bench=BenchSection)
@@ -85,7 +86,8 @@ def main(config: DictConfig) -> None:
     """Measures, prints and writes <results_dir>/bench.csv."""
     given = [value for value in HydraConfig.get().overrides.task if not value.startswith(OWN)]
     rates: dict[str, list[float]] = {}
-    for name in tqdm(config.bench.measures, disable=not config.progress_bar):
+    here = [name for name in config.bench.measures if name != GPU]
+    for name in tqdm(here, disable=not config.progress_bar):
         torch.manual_seed(derive_seed(config.seed, "train"))
         for measured in MEASURES[name](config, given):
             for measure, rate in measured.items():
@@ -93,7 +95,7 @@ def main(config: DictConfig) -> None:
     path = Path(config.results_dir) / "bench.csv"
     waits = start_rows(given) if config.bench.starts else ()
     write([*rows_of(rates), *waits, *assemble_row(config, given)], path)
-    for row in on_a_gpu(HydraConfig.get().overrides.task):
+    for row in on_a_gpu(HydraConfig.get().overrides.task) if GPU in config.bench.measures else ():
         print(row)
         append_rows(path, [row], ("measure",))  # at once: the largest number may not fit
     print(path)
@@ -153,7 +155,9 @@ MEASURES = {
     "chain": measure_chain,
     "wrapped": measure_wrapped,
 }
-"""Names that `bench.measures` may have, and what yields rates of them, in environment steps a second."""
+"""Names that `bench.measures` may have, beside `GPU`, and what yields rates of them, in environment steps a second."""
+GPU = "gpu"
+"""The name of the rows of `on_a_gpu`, which has a scale and units of its own."""
 
 
 def _environment(config: DictConfig, seed: int):
