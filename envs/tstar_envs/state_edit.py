@@ -14,6 +14,10 @@ from tstar_envs.tasks.recipe_tables import RecipeTables
 
 MAX_PENETRATION = 0.004
 """Deeper contact, m, is impossible: resting contact in this physics stays under 1 mm."""
+MAX_BEYOND = 1e-3
+"""Rad or m beyond a joint's limit, which is soft."""
+ROUNDING = 1e-6
+"""M or rad by which a snapshot's own positions may seem to differ from themselves."""
 _ROBOT_QPOS = sawyer.NUM_JOINTS + 2
 _QPOS, _QVEL = mujoco.mjtState.mjSTATE_QPOS, mujoco.mjtState.mjSTATE_QVEL
 _WARMSTART = mujoco.mjtState.mjSTATE_WARMSTART
@@ -37,12 +41,15 @@ class StateEditor:
 
         Returns:
             The snapshots, and which are possible, (n,) bool: finite, nothing penetrates by more than
-            `MAX_PENETRATION`, joints within limits, and every active weld joins connectors that are aligned.
+            `MAX_PENETRATION`, joints within limits, and every active weld joins connectors that are aligned. A
+            snapshot that breaks one of these itself, as a finger does that presses on a part, may be replaced by what
+            breaks it no more.
         """
         snapshot, qpos = snapshot.clone(), qpos.to(torch.float64).clone()
         poses = qpos[:, _ROBOT_QPOS:].unflatten(-1, (self.tables.num_parts, 7))
-        own = self.qpos_of(snapshot)[:, _ROBOT_QPOS:].unflatten(-1, (self.tables.num_parts, 7))[..., 3:]
-        sign = torch.where((own * poses[..., 3:]).sum(-1, keepdim=True) < 0, -1.0, 1.0)
+        before = self.qpos_of(snapshot).to(torch.float64)
+        had = before[:, _ROBOT_QPOS:].unflatten(-1, (self.tables.num_parts, 7))
+        sign = torch.where((had[..., 3:] * poses[..., 3:]).sum(-1, keepdim=True) < 0, -1.0, 1.0)
         poses[..., 3:] = sign * torch.nn.functional.normalize(poses[..., 3:], dim=-1)
         rows = snapshot["physics"]
         rows[:, self._slice(_QPOS)] = qpos
@@ -58,9 +65,14 @@ class StateEditor:
             snapshot["welds"][:, k, 3:10] = torch.where(
                 active[:, k : k + 1], pose, snapshot["welds"][:, k, 3:10]
             )
-            possible &= ~active[:, k] | self._aligned(k, target, moving)
+            parted = ~self._aligned(k, had[:, self.tables.target[k]], had[:, self.tables.moving[k]])
+            possible &= ~active[:, k] | self._aligned(k, target, moving) | parted
         for i in possible.nonzero().flatten().tolist():
-            possible[i] = self._fits(qpos[i], active[i])
+            depth, beyond = self._strain(qpos[i], active[i])
+            if depth > MAX_PENETRATION or beyond > MAX_BEYOND:
+                own = self._strain(before[i], active[i])
+                possible[i] = depth <= max(own[0] + ROUNDING, MAX_PENETRATION)
+                possible[i] &= beyond <= max(own[1] + ROUNDING, MAX_BEYOND)
         return snapshot, possible
 
     def _aligned(self, k: int, target: Tensor, moving: Tensor) -> Tensor:
@@ -73,16 +85,16 @@ class StateEditor:
             ends += [point, geometry.quat_to_matrix(quat)]
         return connection.align(*ends, self.tables.allowed_angles[k].expand(len(moving), -1)).aligned
 
-    def _fits(self, qpos: Tensor, active: Tensor) -> bool:
+    def _strain(self, qpos: Tensor, active: Tensor) -> tuple[float, float]:
+        """How deep something penetrates, m, and how far a joint is beyond its limit, rad or m; below 0: not at all."""
         self._data.qpos[:] = qpos.cpu().numpy()
         self._data.eq_active[:] = active.cpu().numpy()
         mujoco.mj_fwdPosition(self.model, self._data)
         limited = self.model.jnt_limited.astype(bool)
         at = self._data.qpos[self.model.jnt_qposadr[limited]]
         low, high = self.model.jnt_range[limited].T
-        deepest = self._data.contact.dist.min() if self._data.ncon else 0.0
-        slack = 1e-3
-        return bool(deepest > -MAX_PENETRATION and (at > low - slack).all() and (at < high + slack).all())
+        depth = -self._data.contact.dist.min() if self._data.ncon else 0.0
+        return float(depth), float(max((low - at).max(), (at - high).max()))
 
     def _slice(self, component: mujoco.mjtState) -> slice:
         return row_slice(self.model, component)

@@ -10,6 +10,8 @@ from tstar_rl.rollouts.state_sets import TerminationSet
 from tstar_rl.rollouts.terminal_gaussian import TerminalGaussian
 
 PARTS = slice(29, 64)
+FINGER = 7
+LEG_2_Z = 9 + 7 * 1 + 2  # the leg of the first step
 
 
 def test_gaussian_starts_look_like_the_states_they_are_fitted_to():
@@ -38,3 +40,29 @@ def test_positions_written_back_change_nothing():
     same, possible = env.with_qpos(snapshot, qpos)
     assert possible.all()
     assert torch.allclose(env.qpos_of(same), qpos, atol=1e-12)
+
+
+def test_a_state_that_strains_may_be_replaced_by_what_strains_no_more():
+    """As where a hand lets go without being put home: its finger presses on the part, beyond the joint's own limit."""
+    env = FurnitureEnv("table_lack", 4, 2, nthread=1, seed=0, snapshots=True, preassembled="jitter")
+    easy = env.reset()["snapshot"]
+    qpos = env.qpos_of(easy)
+    pressed, further = qpos.clone(), qpos.clone()
+    pressed[:, FINGER] += 0.005
+    further[:, FINGER] += 0.010
+    strained, possible = env.with_qpos(easy, pressed)
+    assert not possible.any(), "no easy state is replaced by one that strains"
+    for positions, expected in ((pressed, True), (qpos, True), (further, False)):
+        assert (env.with_qpos(strained, positions)[1] == expected).all()
+
+
+def test_parts_that_were_joined_askew_may_be_moved_as_they_are():
+    """Welds give: under a load, connectors part by more than the 2 cm within which they are joined."""
+    env = FurnitureEnv("table_lack", 4, 2, nthread=1, seed=0, snapshots=True, preassembled="jitter")
+    straight = env.reset()["snapshot"]
+    qpos = env.qpos_of(straight)
+    askew = qpos.clone()
+    askew[:, LEG_2_Z] += 0.03
+    apart, possible = env.with_qpos(straight, askew)
+    assert not possible.any()
+    assert env.with_qpos(apart, askew)[1].all() and env.with_qpos(apart, qpos)[1].all()
