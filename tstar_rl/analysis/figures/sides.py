@@ -3,6 +3,7 @@
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from tstar_rl.analysis.figures.panels import message, panels, readable
 
@@ -19,9 +20,7 @@ def _dots(axes: Axes, rows: pd.DataFrame) -> None:
         ends = row["succeeded_below"], row["succeeded_above"]
         axes.plot([place, place], ends, color="0.8", linewidth=1, zorder=1)
         for side, success, share in zip(COLOURS, ends, (row["below"], 1 - row["below"]), strict=True):
-            axes.scatter(
-                place, success, s=LARGEST * share, color=COLOURS[side], label=side, linewidths=0, zorder=2
-            )
+            axes.scatter(place, success, s=LARGEST * share, color=COLOURS[side], linewidths=0, zorder=2)
     axes.set_xticks(range(len(rows)), [str(seed) for seed in rows["seed"]], rotation=90, fontsize=7)
     axes.set_xlim(-0.6, len(rows) - 0.4)
     axes.set_ylim(-0.06, 1.06)
@@ -49,11 +48,9 @@ def sides_figure(table: pd.DataFrame) -> Figure:
             by = ", ".join(dict.fromkeys(rows["split_by"]))
             axes.set_title(f"{readable(system)}: skill {seam} by {by}", fontsize=8)
         line[0].set_ylabel("succeeds", fontsize=8)
-    named = {
-        text: handle
-        for axes in grid.flat
-        for handle, text in zip(*axes.get_legend_handles_labels(), strict=True)
-    }
-    labels = [f"{side} the split" for side in named]
-    figure.legend(named.values(), labels, loc="outside lower center", ncols=2, fontsize=8)
+    handles = [
+        Line2D([], [], marker="o", linestyle="", color=colour, label=f"{side} the split")
+        for side, colour in COLOURS.items()
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=2, fontsize=8)
     return figure
