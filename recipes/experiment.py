@@ -6,8 +6,8 @@
 configs/experiment/<name>.yaml has the experiment; the page that it names declares it. A call that ends early, or is
 killed, goes on when it is given again: what is finished is not done again, and a training goes on from its
 checkpoint. All arms must come from one commit: run it in a checkout of its own, `git worktree add ../experiment
-<commit>`. Tables land in results/<name>/; with publish=true those of finished runs are copied to
-results/published/<name>/.
+<commit>`, with PYTHONPATH=<checkout>:<checkout>/envs where the environment has another one's code. Tables land in
+results/<name>/; with publish=true those of finished runs are copied to results/published/<name>/.
 """
 
 import subprocess

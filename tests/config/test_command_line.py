@@ -210,3 +210,16 @@ def test_as_a_user_sees_it(tmp_path):
     assert done.returncode == 1 and not done.stdout
     first, second = done.stderr.splitlines()
     assert first.startswith("subtask of table_lack must be") and second == HINT
+
+
+def test_a_recipe_of_another_checkout_does_not_run_with_this_ones_code(tmp_path):
+    (tmp_path / "tstar_rl").mkdir()
+    (tmp_path / "recipes").mkdir()
+    copy = tmp_path / "recipes" / "bc.py"
+    copy.write_text(Path(command("bc")[1]).read_text())
+    found = subprocess.run(
+        [sys.executable, str(copy), "--help"], capture_output=True, text=True, env=environ()
+    )
+    assert found.returncode == 1 and "Traceback" not in found.stderr
+    assert f"would run with the code of {Path(__file__).parents[2]}" in found.stderr
+    assert f"PYTHONPATH={tmp_path}:{tmp_path}/envs" in found.stderr

@@ -19,7 +19,7 @@ from typing import Any, TypeVar
 from omegaconf import DictConfig, OmegaConf
 
 from tstar_rl.config.check import ConfigError, check
-from tstar_rl.config.command_line import command_line
+from tstar_rl.config.command_line import command_line, told_in_words
 from tstar_rl.config.ranges import check_machine, check_ranges_of, find
 from tstar_rl.config.schema import SECTIONS, Config
 
@@ -42,6 +42,9 @@ def recipe(name: str, **own: Any) -> Callable[[Callable[[DictConfig], None]], Ca
     OWN_KEYS[name] = own
 
     def decorate(function: Callable[[DictConfig], None]) -> Callable[..., None]:
+        with told_in_words():
+            check_checkout(Path(function.__code__.co_filename))
+
         @functools.wraps(function)
         def body(config: DictConfig) -> None:
             check_config(config, name)
@@ -55,6 +58,22 @@ def recipe(name: str, **own: Any) -> Callable[[Callable[[DictConfig], None]], Ca
         return command_line(body, CONFIGS, name, partial(check_config, name=name))
 
     return decorate
+
+
+def check_checkout(recipe: Path) -> None:
+    """Checks that a recipe which lies in a checkout of the library runs with the code and the configs of that checkout.
+
+    In a worktree of git with the environment of the first checkout, Python finds the first one's code.
+
+    Raises:
+        ConfigError: if it does not; it says what to do.
+    """
+    here, there = CONFIGS.parent, recipe.resolve().parents[1]
+    if there != here and (there / "tstar_rl").is_dir():
+        raise ConfigError(
+            f"{recipe} would run with the code of {here}: install {there} in an environment of its own, "
+            f"or set PYTHONPATH={there}:{there / 'envs'}"
+        )
 
 
 @contextmanager
