@@ -35,6 +35,12 @@ class Workshop(Protocol):
         """Rollouts of a skill; `before` is the termination set of the skill before, if there is one."""
         ...
 
+    def demonstrations(
+        self, subtask: int, before: TerminationSet, episodes: int, seed: int
+    ) -> Demonstrations:
+        """Successes of the expert at a subtask, from states of the termination set of the skill before."""
+        ...
+
     def seeding_trial(self) -> TransformedEnv:
         """Where the chain is tried before the first turn."""
         ...

@@ -17,11 +17,13 @@ from tstar_rl.rollouts.labels import Label
 from tstar_rl.rollouts.ray_collection import RayCollection
 from tstar_rl.signal_equations import start_weights
 from tstar_rl.updates import (
+    BehaviourCloningSettings,
     DiscriminatorSettings,
     DiscriminatorUpdate,
     LabelledSettings,
     LabelledUpdate,
     PolicyUpdate,
+    behaviour_cloning,
 )
 
 __all__ = ["Seam", "TurnUpdates"]
@@ -106,6 +108,35 @@ class TurnUpdates(Training):
         if self.index == 0 or self.chain.settings.kept_states == "all":
             return rollout
         return rollout[rollout["start_chained"].squeeze(-1)]
+
+    def clone_from_ends(self, share: float, cloning: BehaviourCloningSettings) -> None:
+        """Clones the expert again, a share of whose demonstrations begins where the skill before ends.
+
+        They are made now, and stand in the place of as many of the skill's own; the normaliser is fitted to both.
+        Nothing happens before the first skill, with a share of 0, or while the skill before has not succeeded.
+
+        Args:
+            share: in [0, 1], of the episodes.
+            cloning: how.
+
+        Raises:
+            InvalidValueError: for another share.
+            RuntimeError: if the expert fails too often from there.
+
+        Source: Ross et al. 2011, DAgger: demonstrations from the states that the learner gets into.
+        """
+        if not 0.0 <= share <= 1.0:
+            raise InvalidValueError(f"the share of demonstrations from ends must be in [0, 1], got {share}")
+        number = round(share * len(self.expert))
+        if self.previous is None or not number or not len(self.previous.termination_set):
+            return
+        before, subtask = self.previous.termination_set, self.index
+        made = self.chain.workshop.demonstrations(subtask, before, number, self.seed)
+        self.expert = self.expert.first(len(self.expert) - number).and_also(made)
+        seen = self.expert.observations
+        self.skill.normalizer.fit(seen, self.settings.normalizer_floor)
+        behaviour_cloning(self.skill.policy, seen, self.expert.actions, cloning, self.seed)
+        torch.manual_seed(self.seed)
 
     def begin_where_it_fails(self, expected: Callable[[Tensor], Tensor], share: float) -> None:
         """Draws a share of the chained starts by how little is expected of the skill there, in this turn.

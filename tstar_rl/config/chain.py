@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import fields
+from functools import partial
 
 from omegaconf import DictConfig
 from torchrl.envs import TransformedEnv
@@ -16,6 +17,8 @@ from tstar_rl.chaining.turns import Turn
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.build import environment, load_demonstrations, make_collection, training_settings
 from tstar_rl.config.load import plain
+from tstar_rl.demonstrations.collect import collect
+from tstar_rl.demonstrations.data_set import Demonstrations
 from tstar_rl.rollouts.collection import Collection
 from tstar_rl.rollouts.ray_collection import RayCollection
 from tstar_rl.rollouts.state_sets import TerminationSet
@@ -72,6 +75,16 @@ class _Workshop:
             self.config, skill.policy, skill.subtask, seed, before,
             snapshots=True, horizon=self.config.chain.horizon,
         )  # fmt: skip
+
+    def demonstrations(
+        self, subtask: int, before: TerminationSet, episodes: int, seed: int
+    ) -> Demonstrations:
+        values = self.config.demonstrations
+        make = partial(
+            environment, self.config, subtask, values.num_envs,
+            before=before, snapshots=True, shares={"buffer": 1.0},
+        )  # fmt: skip
+        return collect(make, episodes, values.kind, values.noise, seed).to(self.config.device)
 
     def seeding_trial(self) -> TransformedEnv:
         return self._whole(self.config.chain.seed_episodes, derive_seed(self.config.seed, "harvest"))

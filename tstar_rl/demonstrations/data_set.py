@@ -57,6 +57,26 @@ class Demonstrations:
         read = {name: getattr(self, name).to(device) for name in ("observations", "actions", "executed")}
         return replace(self, **read)
 
+    def first(self, episodes: int) -> "Demonstrations":
+        """The first so many of them."""
+        rows = int(self.lengths[:episodes].sum())
+        cut = {name: getattr(self, name)[:episodes] for name in ("seeds", "lengths", "success")}
+        cut |= {name: getattr(self, name)[:rows] for name in ("observations", "actions", "executed")}
+        snapshots = self.snapshots if self.snapshots.is_empty() else self.snapshots[:rows]
+        return replace(self, **cut, snapshots=snapshots)
+
+    def and_also(self, other: "Demonstrations") -> "Demonstrations":
+        """These and others of the same subtask; their kind and arguments are those of these.
+
+        They have snapshots where both have.
+        """
+        names = ("seeds", "lengths", "success", "observations", "actions", "executed")
+        together = {name: torch.cat([getattr(self, name), getattr(other, name)]) for name in names}
+        both = [self.snapshots, other.snapshots]
+        bare = any(each.is_empty() for each in both)
+        snapshots = TensorDict({}, [len(together["actions"])]) if bare else torch.cat(both)
+        return replace(self, **together, snapshots=snapshots)
+
     def save(self, path: str | Path) -> None:
         """Writes the file; one that is there stays whole until the new one is complete.
 
