@@ -1,6 +1,7 @@
 """Demonstrations come back as written, and a damaged file names what is wrong."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -49,6 +50,21 @@ def test_they_come_back(demonstrations, path):
         assert torch.equal(getattr(back, name), getattr(demonstrations, name))
     assert (back.snapshots == demonstrations.snapshots).all()
     assert [file.name for file in path.parent.iterdir()] == ["some.npz"]
+
+
+def test_some_of_them_and_others(demonstrations):
+    one = demonstrations.first(1)
+    assert len(one) == 1 and one.lengths.tolist() == [3]
+    assert torch.equal(one.observations, demonstrations.observations[:3])
+    assert one.snapshots["task", "phase"].tolist() == [0, 1, 2]
+    both = one.and_also(demonstrations)
+    assert len(both) == 3 and both.lengths.tolist() == [3, 3, 4] and both.kind == "noisy"
+    for name in ("observations", "actions", "executed"):
+        mine = getattr(demonstrations, name)
+        assert torch.equal(getattr(both, name), torch.cat([mine[:3], mine]))
+    assert both.snapshots["task", "phase"].tolist() == [0, 1, 2, 0, 1, 2, 3, 4, 5, 6]
+    bare = replace(one, snapshots=TensorDict({}, [3])).and_also(demonstrations)
+    assert bare.snapshots.is_empty() and bare.snapshots.batch_size == (10,)
 
 
 def test_starts_are_drawn_from_every_step_of_every_episode(demonstrations):
@@ -196,3 +212,15 @@ def test_damaged_bytes_name_the_field_or_are_found_in_the_values(path):
         else:  # bytes that mean nothing: dates of the archive's members
             assert all(np.array_equal(contents(path)[name], array) for name, array in arrays.items())
     assert named
+
+
+def test_an_entry_that_hides_the_next_one_is_not_a_shorter_file(path):
+    """The last but one says that a comment follows it, longer than the last: zipfile would leave that array out."""
+    whole = path.read_bytes()
+    last = whole.rindex(b"PK\1\2")
+    comment_length = whole.rindex(b"PK\1\2", 0, last) + 32
+    path.write_bytes(whole[:comment_length] + b"\x5a" + whole[comment_length + 1 :])
+    with pytest.raises(
+        DemonstrationError, match=r"some\.npz.*end says that it has 10 arrays, its list has 9"
+    ):
+        Demonstrations.load(path)

@@ -28,6 +28,10 @@ SNAPSHOTS = ("snapshot/physics", "snapshot/welds")
 """What every snapshot has; the state of the task is the environment's to check."""
 
 
+END_OF_LIST = 22
+"""Bytes at the end of a zip file without a comment; bytes 10 and 11 count its members."""
+
+
 class DemonstrationError(UserError, ValueError):
     """A file of demonstrations is not what it should be; the message names file and field."""
 
@@ -63,10 +67,23 @@ def _arrays(path: str | Path) -> dict[str, np.ndarray]:
             arrays = {}
             for field in file.files:
                 arrays[field] = file[field]
+        if (promised := _members(Path(path))) not in (None, len(arrays)):
+            raise ValueError(f"its end says that it has {promised} arrays, its list has {len(arrays)}")
     except Exception as error:
         what = f": field {field}" if field else ""
         raise DemonstrationError(f"{path}{what} cannot be read (truncated or not .npz?): {error}") from error
     return arrays
+
+
+def _members(path: Path) -> int | None:
+    """How many arrays the last bytes of a .npz say that it has; None where they are not what NumPy writes.
+
+    Python's zipfile ends its list of them, without a word, at a damaged entry.
+    """
+    with path.open("rb") as file:
+        file.seek(-END_OF_LIST, 2)
+        end = file.read()
+    return int.from_bytes(end[10:12], "little") if end.startswith(b"PK\5\6") else None
 
 
 def _header(path: str | Path, arrays: dict[str, np.ndarray]) -> dict[str, Any]:
