@@ -17,7 +17,7 @@ from mkdocs.structure.pages import Page
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = {"tstar_rl": ROOT / "tstar_rl", "tstar_envs": ROOT / "envs" / "tstar_envs"}
 COPIED = {"README.md": "index.md", "CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md"}
-FIRST = ("method.md", "task.md", "notation.md", "results.md")
+FIRST = ("method.md", "task.md", "notation.md", "results.md", "every_run.md")
 """Pages of docs/ that the navigation names first, in this order."""
 NOT_SHOWN = ("results_notes.md",)
 LINK = re.compile(

@@ -1,4 +1,4 @@
-"""Writes docs/results.md, its figures, and the block of it that the README shows, from results/published/ alone.
+"""Writes docs/results.md, its figures, docs/every_run.md, and the README's block, from results/published/ alone.
 
     python recipes/report.py                    # figures=false: the text alone
 
@@ -12,22 +12,26 @@ from pathlib import Path
 import yaml
 from omegaconf import DictConfig
 
-from tstar_rl.analysis.page import draw_page, replace_block, results_head, results_page
+from tstar_rl.analysis.page import draw_page, replace_block, results_head, results_page, runs_page
 from tstar_rl.config.load import recipe
 
 
 @recipe("report", docs_dir=str, readme=str, paper=str, notes=str, figures=bool)
 def main(config: DictConfig) -> None:
     """Writes and says where."""
-    root, page, readme = Path(config.results_dir), Path(config.docs_dir) / "results.md", Path(config.readme)
+    root, docs, readme = Path(config.results_dir), Path(config.docs_dir), Path(config.readme)
     paper, notes = yaml.safe_load(Path(config.paper).read_text()), Path(config.notes).read_text()
-    text = results_page(root, paper, notes)
-    page.parent.mkdir(parents=True, exist_ok=True)
-    page.write_text(text)
+    pages = {
+        docs / "results.md": results_page(root, paper, notes),
+        docs / "every_run.md": runs_page(root, paper),
+    }
+    docs.mkdir(parents=True, exist_ok=True)
+    for page, text in pages.items():
+        page.write_text(text)
     readme.write_text(replace_block(readme.read_text(), results_head(root, paper, notes)))
-    print(page, readme)
+    print(*pages, readme)
     if config.figures:
-        print(*draw_page(root, paper, page.parent / "figures"), sep="\n")
+        print(*draw_page(root, paper, docs / "figures"), sep="\n")
 
 
 if __name__ == "__main__":

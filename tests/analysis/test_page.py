@@ -8,7 +8,7 @@ import pytest
 import yaml
 from published_runs import THEIRS, evaluation
 
-from tstar_rl.analysis.page import curve_groups, replace_block, results_head, results_page
+from tstar_rl.analysis.page import curve_groups, replace_block, results_head, results_page, runs_page
 from tstar_rl.analysis.page.contents import read_contents
 from tstar_rl.analysis.page.markdown import arm_label, arm_order, over_seeds
 from tstar_rl.analysis.page.sections import comparison, short_comparison, skills
@@ -19,10 +19,11 @@ PAPER = yaml.safe_load((ROOT / "docs" / "paper_results.yaml").read_text())
 NOTES = (ROOT / "docs" / "results_notes.md").read_text()
 
 
-def test_the_page_and_the_readme_are_what_the_published_tables_say():
+def test_the_pages_and_the_readme_are_what_the_published_tables_say():
     again = "run: python recipes/report.py"
     page = results_page(PUBLISHED, PAPER, NOTES)
     assert page == (ROOT / "docs" / "results.md").read_text(), again
+    assert runs_page(PUBLISHED, PAPER) == (ROOT / "docs" / "every_run.md").read_text(), again
     readme = (ROOT / "README.md").read_text()
     assert replace_block(readme, results_head(PUBLISHED, PAPER, NOTES)) == readme, again
 

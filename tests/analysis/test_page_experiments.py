@@ -9,7 +9,7 @@ import yaml
 from published_runs import THEIRS, contents, write
 
 from tstar_rl.analysis import read_metrics, rise_figure, steps_of_arms
-from tstar_rl.analysis.page import draw_page, results_head, results_page
+from tstar_rl.analysis.page import draw_page, results_head, results_page, runs_page
 from tstar_rl.analysis.page.contents import read_contents
 
 
@@ -47,6 +47,20 @@ def test_an_experiment_has_arms_comparisons_and_its_commit(published):
     assert "| T-STAR, last | 1.00 | 0.50 / 1.00 | 2 |" in odd
     assert "| T-STAR | 0.90 +- 0.07 | 87% | 1.000 |" in plain and "0.625" not in plain
     assert "| T-STAR | - | - | 0.50M | 1.0 |" in plain
+
+
+def test_every_run_has_its_row_on_a_page_of_its_own(published):
+    odd, plain = runs_page(published, THEIRS).split("\n## Odd chains\n")[1].split("\n## Plain: chains\n")
+    rows = [line.split(" | ")[:4] for line in odd.splitlines() if "| last |" in line]
+    assert rows == [
+        ["| T-STAR", "3", "last", "0.750"],
+        ["| T-STAR", "4", "last", "0.500"],
+        ["| buffer starts, every turn kept", "3", "last", "0.500"],
+        ["| buffer starts, every turn kept", "4", "last", "0.250"],
+    ]
+    assert "| T-STAR | 0 | last | 1.000 |" in plain
+    page = results_page(published, THEIRS, "")
+    assert "[Every run of it](every_run.md#odd-chains)" in page and "| T-STAR | 3 |" not in page
 
 
 def test_a_family_of_comparisons_is_corrected_for_all_of_it(published):

@@ -7,6 +7,7 @@ import pandas as pd
 
 __all__ = [
     "NOTHING",
+    "anchor",
     "arm_label",
     "arm_order",
     "interval",
@@ -32,6 +33,12 @@ def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 def picture(words: str, file: str) -> str:
     """A figure in docs/figures with its caption."""
     return f"![{words}](figures/{file}.png)\n"
+
+
+def anchor(title: str) -> str:
+    """The link to a heading, as GitHub makes it."""
+    kept = "".join(letter for letter in title.lower() if letter.isalnum() or letter in " -_")
+    return kept.replace(" ", "-")
 
 
 def over_seeds(values: pd.Series, percent: bool = False) -> str:

@@ -6,18 +6,16 @@ The same published tables give the same text. Nothing is left out for being bad;
 import re
 from pathlib import Path
 
-import pandas as pd
-
 from tstar_rl.analysis.experiments import read_experiment
 from tstar_rl.analysis.page import experiment as parts
 from tstar_rl.analysis.page import sections
 from tstar_rl.analysis.page.contents import Entry, read_contents
 from tstar_rl.analysis.page.costs import costs
 from tstar_rl.analysis.page.drawing import curves
-from tstar_rl.analysis.page.markdown import Paper
+from tstar_rl.analysis.page.markdown import Paper, anchor
 from tstar_rl.analysis.page.over_tasks import over_tasks, short_over_tasks
 from tstar_rl.analysis.page.turns import turns
-from tstar_rl.analysis.tables import read_evaluations, read_metrics
+from tstar_rl.analysis.tables import read_metrics
 
 __all__ = ["replace_block", "results_head", "results_page"]
 
@@ -90,17 +88,6 @@ def _filled(notes: str, entries: dict[str, Entry], paper: Paper) -> str:
     return re.sub(r"<!-- (table|comparisons|answers|over all tasks): (\S+) -->", fill, notes)
 
 
-def _evaluations(root: Path) -> pd.DataFrame:
-    """Every evaluation; a script, which does not learn, is its own last checkpoint."""
-    return read_evaluations(root).replace({"checkpoint": {"script": "last"}})
-
-
-def _tasks(paper: Paper, evaluations: pd.DataFrame) -> list[str]:
-    """The tasks that were run, the paper's first."""
-    ours = set(evaluations["task"])
-    return [*(task for task in paper["tasks"] if task in ours), *sorted(ours - set(paper["tasks"]))]
-
-
 def _experiment(entry: Entry, paper: Paper) -> str:
     """The part of the page that an experiment fills.
 
@@ -110,10 +97,12 @@ def _experiment(entry: Entry, paper: Paper) -> str:
     said = [f"#{entry.intro()}"]
     if entry.kind == "ablations":
         return "\n\n".join([*said, sections.ablated(entry.folder)])
-    evaluations, metrics = _evaluations(entry.folder), read_metrics(entry.folder)
+    evaluations, metrics = sections.evaluations_of(entry.folder), read_metrics(entry.folder)
     experiment = read_experiment(entry.folder, entry.commits == "one") if entry.kind == "experiment" else None
-    said += [parts.commits(experiment), over_tasks(experiment, paper, entry)] if experiment else []
-    for task in _tasks(paper, evaluations):
+    said.append(parts.commits(experiment) if experiment else "")
+    said.append(f"[Every run of it](every_run.md#{anchor(entry.title)}), seed by seed.")
+    said.append(over_tasks(experiment, paper, entry) if experiment else "")
+    for task in sections.tasks_of(paper, evaluations):
         said.append(f"### {entry.title}: {task}")
         leads: dict[str, str] = {}
         if experiment and task in experiment.tasks:
@@ -131,7 +120,6 @@ def _experiment(entry: Entry, paper: Paper) -> str:
             entry.folder, task, paper, entry.prefix
         )
         leads["Curves"] = curves(metrics, task, entry.prefix)
-        leads["Every run"] = sections.by_seed(evaluations, paper, task)
         said += [f"#### {title}\n\n{text.strip()}" for title, text in leads.items() if text]
     return "\n\n".join(part.strip() for part in said if part)
 
@@ -147,9 +135,9 @@ def results_head(root: str | Path, paper: Paper, notes: str) -> str:
     contents = read_contents(root)
     found = [notes.strip().split("\n\n")[0]]
     for entry in (each for each in contents.experiments if each.folder.name in contents.readme):
-        evaluations = _evaluations(entry.folder)
-        tasks = _tasks(paper, evaluations)
-        link = f"[{entry.title}](docs/results.md#{_anchor(entry.title)})"
+        evaluations = sections.evaluations_of(entry.folder)
+        tasks = sections.tasks_of(paper, evaluations)
+        link = f"[{entry.title}](docs/results.md#{anchor(entry.title)})"
         if entry.kind == "paper":
             found += [link, sections.short_comparison(evaluations, paper, tasks)]
         if entry.kind == "experiment":
@@ -160,12 +148,6 @@ def results_head(root: str | Path, paper: Paper, notes: str) -> str:
                 shown = {f"`{task}`": parts.short_table(experiment, paper, task) for task in experiment.tasks}
             found += [text for words, rows in shown.items() for text in (f"{link}, {words}", rows)]
     return "\n\n".join(part.strip() for part in found)
-
-
-def _anchor(title: str) -> str:
-    """The link to a heading, as GitHub makes it."""
-    kept = "".join(letter for letter in title.lower() if letter.isalnum() or letter in " -_")
-    return kept.replace(" ", "-")
 
 
 def replace_block(text: str, block: str) -> str:

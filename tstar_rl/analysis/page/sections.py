@@ -1,4 +1,4 @@
-"""Parts of the page that are tables of what was run: beside the paper, budgets, skills, hand-overs, every run."""
+"""Parts of the page that are tables of what was run: beside the paper, budgets, skills, hand-overs."""
 
 from pathlib import Path
 
@@ -15,17 +15,19 @@ from tstar_rl.analysis.page.markdown import (
     share,
     table,
 )
-from tstar_rl.analysis.tables import UNKNOWN, whole_task
+from tstar_rl.analysis.tables import read_evaluations, whole_task
 
 __all__ = [
     "ablated",
     "budgets",
-    "by_seed",
     "comparison",
+    "evaluations_of",
     "figure_4",
     "hand_over",
+    "pick",
     "short_comparison",
     "skills",
+    "tasks_of",
 ]
 
 TIME = """\
@@ -41,6 +43,17 @@ seeds. Each skill has the steps of one subtask; in the whole task a slow one als
 SPREAD = """\
 Terminal states of successes in training, in three equal parts of it. Poses are metres and quaternions of all parts.
 """
+
+
+def evaluations_of(folder: Path) -> pd.DataFrame:
+    """Every evaluation of an experiment; a script, which does not learn, is its own last checkpoint."""
+    return read_evaluations(folder).replace({"checkpoint": {"script": "last"}})
+
+
+def tasks_of(paper: Paper, evaluations: pd.DataFrame) -> list[str]:
+    """The tasks that were run, the paper's first."""
+    ours = set(evaluations["task"])
+    return [*(task for task in paper["tasks"] if task in ours), *sorted(ours - set(paper["tasks"]))]
 
 
 def pick(
@@ -103,25 +116,6 @@ def budgets(evaluations: pd.DataFrame, paper: Paper, task: str) -> str:
         rows.append([label, theirs.get("steps", NOTHING), long, steps, f"{last['minutes'].mean():.1f}"])
     header = ["system", "paper: steps", "paper: time", "ours: environment steps", "ours: minutes of one core"]
     return f"{TIME}\n{table(header, rows)}" if rows else ""
-
-
-def by_seed(evaluations: pd.DataFrame, paper: Paper, task: str) -> str:
-    """A row for each run and checkpoint."""
-    whole, rows = whole_task(evaluations, task), []
-    shares = [name for name in whole.columns if str(name).startswith("subtask_")]
-    for system, label in labels(paper, whole["recipe"]).items():
-        kept = set(whole[whole["recipe"] == system]["checkpoint"])
-        for checkpoint in sorted(kept, key=lambda name: (name != "last", name != "best", name)):
-            sampled = pick(whole, system, checkpoint, "stochastic").set_index("seed")["progress"]
-            for _, run in pick(whole, system, checkpoint).iterrows():
-                success = f"{run['success']:.1%} [{run['success_low']:.1%}, {run['success_high']:.1%}]"
-                done = " ".join(f"{run[name]:.2f}" for name in shares if not pd.isna(run[name]))
-                other = f"{sampled[run['seed']]:.3f}" if run["seed"] in sampled else NOTHING
-                row = [label, str(run["seed"]), checkpoint, f"{run['progress']:.3f}", success, done, other]
-                commit = run["commit"] if run["commit"] == UNKNOWN else run["commit"][:7]
-                rows.append([*row, str(run["episodes"]), commit])
-    header = ["system", "seed", "checkpoint", "progress", "success [95%]", "by subtask", "sampled: progress"]
-    return table([*header, "episodes", "commit"], rows) if rows else ""
 
 
 def skills(evaluations: pd.DataFrame, task: str) -> str:

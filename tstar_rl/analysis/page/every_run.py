@@ -1,0 +1,58 @@
+"""docs/every_run.md as text: a row for each run and checkpoint that was published."""
+
+from pathlib import Path
+
+import pandas as pd
+
+from tstar_rl.analysis.page.contents import read_contents
+from tstar_rl.analysis.page.markdown import NOTHING, Paper, labels, table
+from tstar_rl.analysis.page.sections import evaluations_of, pick, tasks_of
+from tstar_rl.analysis.tables import UNKNOWN, whole_task
+
+__all__ = ["runs_page"]
+
+HEAD = """\
+# Every run
+
+<!-- Written by recipes/report.py from results/published/ and docs/paper_results.yaml. -->
+
+A row for each run and checkpoint behind [the results](results.md), good or bad. The
+columns are explained [there](results.md#how-to-read-the-tables).
+"""
+
+
+def runs_page(root: str | Path, paper: Paper) -> str:
+    """The whole page; ablations, whose runs the page of results lists itself, are not on it.
+
+    Args:
+        root: of the published results, with contents.yaml.
+        paper: docs/paper_results.yaml, for what the arms are called.
+    """
+    found = [HEAD]
+    for entry in read_contents(root).experiments:
+        if entry.kind == "ablations":
+            continue
+        evaluations = evaluations_of(entry.folder)
+        found.append(f"## {entry.title}")
+        for task in tasks_of(paper, evaluations):
+            found += [f"### {entry.title}: {task}", by_seed(evaluations, paper, task)]
+    return "\n\n".join(part.strip() for part in found if part) + "\n"
+
+
+def by_seed(evaluations: pd.DataFrame, paper: Paper, task: str) -> str:
+    """A row for each run and checkpoint."""
+    whole, rows = whole_task(evaluations, task), []
+    shares = [name for name in whole.columns if str(name).startswith("subtask_")]
+    for system, label in labels(paper, whole["recipe"]).items():
+        kept = set(whole[whole["recipe"] == system]["checkpoint"])
+        for checkpoint in sorted(kept, key=lambda name: (name != "last", name != "best", name)):
+            sampled = pick(whole, system, checkpoint, "stochastic").set_index("seed")["progress"]
+            for _, run in pick(whole, system, checkpoint).iterrows():
+                success = f"{run['success']:.1%} [{run['success_low']:.1%}, {run['success_high']:.1%}]"
+                done = " ".join(f"{run[name]:.2f}" for name in shares if not pd.isna(run[name]))
+                other = f"{sampled[run['seed']]:.3f}" if run["seed"] in sampled else NOTHING
+                row = [label, str(run["seed"]), checkpoint, f"{run['progress']:.3f}", success, done, other]
+                commit = run["commit"] if run["commit"] == UNKNOWN else run["commit"][:7]
+                rows.append([*row, str(run["episodes"]), commit])
+    header = ["system", "seed", "checkpoint", "progress", "success [95%]", "by subtask", "sampled: progress"]
+    return table([*header, "episodes", "commit"], rows) if rows else ""
