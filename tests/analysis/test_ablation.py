@@ -154,7 +154,7 @@ def test_the_figure_has_a_dot_for_every_seed(tmp_path):
     figure = ablation_figure(tables(tmp_path, zero=[0.2, 0.25], paper=[0.5, 0.55, 0.6]))
     progress = figure.axes[0]
     assert [label.get_text() for label in progress.get_yticklabels()] == ["zero", "paper"]
-    dots = [line.get_xdata().tolist() for line in progress.lines if line.get_marker() == "o"]
+    dots = [line.get_xdata().tolist() for line in progress.lines if line.get_marker() in ("o", "s")]
     assert dots == [[0.2, 0.25], [0.5, 0.55, 0.6]]
 
 

@@ -18,6 +18,7 @@ from tstar_rl.analysis import (
     read_experiment,
     save_figure,
 )
+from tstar_rl.analysis.figures.panels import arm_dots, arm_line
 
 PAIRS = [("tstar", "buffer"), ("tstar", "not_run")]
 
@@ -170,10 +171,23 @@ def test_every_seed_is_a_dot(root):
     progress, success, profile = arms_figure(rows, {"tstar": "T-STAR"}).axes
     assert [label.get_text() for label in progress.get_yticklabels()] == ["buffer", "T-STAR"]
     for axes, expected in ((progress, [[0.75, 0.6], [0.95, 0.85]]), (success, [[0.6, 0.4], [0.9, 0.7]])):
-        dots = [line.get_xdata() for line in axes.lines if line.get_marker() == "o"]
+        dots = [line.get_xdata() for line in axes.lines if line.get_marker() in ("o", "s")]
         np.testing.assert_allclose(dots, expected)
     above = profile.lines[1].get_ydata()  # T-STAR: both above .8, one above .9, none above .95
     assert [above[80], above[90], above[95]] == [1.0, 0.5, 0.0]
+    for line, profiled in zip(
+        success.lines[-2:], profile.lines, strict=True
+    ):  # each row shows the line of its profile
+        assert (line.get_color(), line.get_linestyle()) == (profiled.get_color(), profiled.get_linestyle())
+
+
+def test_many_arms_are_told_apart():
+    lines = {tuple(map(str, arm_line(place).values())) for place in range(35)}
+    assert len(lines) == len({tuple(arm_dots(place).values()) for place in range(35)}) == 35
+
+
+def test_a_difference_has_a_dot_for_every_seed(root):
+    rows = read_experiment(root).chosen("table")
     (axes,) = differences_figure(rows, PAIRS).axes
     (dots,) = [line.get_xdata() for line in axes.lines if line.get_marker() == "o"]
     np.testing.assert_allclose(dots, [0.2, 0.25])

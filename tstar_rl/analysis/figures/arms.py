@@ -1,6 +1,7 @@
 """Arms beside each other: every seed is a dot, intervals are those of the tables."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -9,18 +10,22 @@ from matplotlib.figure import Figure
 
 from tstar_rl.analysis.ablations import as_arms, command
 from tstar_rl.analysis.experiments import SEED, arm_scores, arm_table, compare_arms
-from tstar_rl.analysis.figures.panels import message, panels, readable
+from tstar_rl.analysis.figures.panels import arm_dots, arm_line, message, panels, readable
 from tstar_rl.analysis.statistics import profile_band
 
 __all__ = ["ablation_figure", "arms_figure", "differences_figure"]
 
 THRESHOLDS = np.linspace(0, 1, 101)
+KEY = (-0.14, -0.03)
+"""Where the line of an arm's profile stands in its row, left of the middle panel and in parts of its width."""
+ONE = {"color": "C0", "marker": "o"}
+"""Dots of a difference."""
 
 
-def _dots(axes: Axes, values: pd.Series, place: float, colour: str) -> None:
+def _dots(axes: Axes, values: pd.Series, place: float, style: Mapping[str, Any]) -> None:
     """The values of an arm's seeds, spread a little sidewards so that equal ones are seen."""
     offsets = np.linspace(-0.16, 0.16, len(values)) if len(values) > 1 else [0.0]
-    axes.plot(values, place + np.asarray(offsets), "o", color=colour, markersize=4, alpha=0.7)
+    axes.plot(values, place + np.asarray(offsets), linestyle="", markersize=4.5, alpha=0.75, mew=0, **style)
 
 
 def _interval(axes: Axes, row: pd.Series, measure: str, place: float) -> None:
@@ -38,7 +43,7 @@ def _names(axes: Axes, arms: Sequence[str], labels: Mapping[str, str] | None) ->
 
 def _draw_arms(axes: Axes, rows: pd.DataFrame, measure: str) -> None:
     for place, (arm, row) in enumerate(arm_table(rows).iterrows()):
-        _dots(axes, rows[rows["arm"] == arm].sort_values("seed")[measure], place, f"C{place % 10}")
+        _dots(axes, rows[rows["arm"] == arm].sort_values("seed")[measure], place, arm_dots(place))
         _interval(axes, row, measure, place)
     axes.set(xlabel=measure, xlim=(-0.02, 1.02))
 
@@ -47,7 +52,7 @@ def arms_figure(rows: pd.DataFrame, labels: Mapping[str, str] | None = None) -> 
     """Progress and success of the arms of one task, and the performance profile of progress.
 
     A dot is a seed; below the dots stand the interquartile mean and its 95% interval. The profile is the share of
-    seeds whose progress is above a value, with its pointwise 95% band.
+    seeds whose progress is above a value, with its pointwise 95% band; its lines are named in the rows of the arms.
 
     Args:
         rows: see `experiments.arm_table`.
@@ -59,13 +64,13 @@ def arms_figure(rows: pd.DataFrame, labels: Mapping[str, str] | None = None) -> 
     for axes, measure in ((progress, "progress"), (success, "success")):
         _draw_arms(axes, rows, measure)
         _names(axes, list(scores), labels)
-    success.set_yticklabels([])
+    success.set_yticklabels([" " * 8] * len(scores))
     for place, seeds in enumerate(scores.values()):
         share, low, high = profile_band(list(seeds.values()), THRESHOLDS, np.random.default_rng(SEED))
-        profile.step(THRESHOLDS, share, where="post", color=f"C{place % 10}")
-        profile.fill_between(
-            THRESHOLDS, low, high, step="post", color=f"C{place % 10}", alpha=0.12, linewidth=0
-        )
+        style = arm_line(place)
+        profile.step(THRESHOLDS, share, where="post", **style)
+        profile.fill_between(THRESHOLDS, low, high, step="post", color=style["color"], alpha=0.1, linewidth=0)
+        success.plot(KEY, [place] * 2, transform=success.get_yaxis_transform(), clip_on=False, **style)
     profile.set(xlabel="progress above", ylabel="share of seeds", xlim=(0, 1), ylim=(-0.02, 1.04))
     return figure
 
@@ -87,7 +92,7 @@ def differences_figure(
     figure, grid = panels(1, 1, (8, 1.4 + 0.55 * len(table)))
     axes = grid[0, 0]
     for place, (_, row) in enumerate(table.iterrows()):
-        _dots(axes, (by_seed[row["first"]] - by_seed[row["second"]]).dropna(), place, "C0")
+        _dots(axes, (by_seed[row["first"]] - by_seed[row["second"]]).dropna(), place, ONE)
         mean = row["difference"]
         ends = np.clip([[mean - row["low"]], [row["high"] - mean]], 0, None)
         if np.isfinite(row["t_half"]):

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter
 
 from tstar_rl.analysis.experiments import arm_table
-from tstar_rl.analysis.figures.panels import panels, readable
+from tstar_rl.analysis.figures.panels import arm_dots, panels, readable
 from tstar_rl.analysis.turns import turn_table
 
 __all__ = ["cost_figure", "steps_of_arms"]
@@ -36,15 +36,17 @@ def cost_figure(rows: pd.DataFrame, metrics: pd.DataFrame, labels: Mapping[str, 
         metrics: see `steps_of_arms`.
         labels: of arms.
     """
-    figure, grid = panels(1, 1, (8, 4.5))
+    figure, grid = panels(1, 1, (11, 4.2))
     axes, steps = grid[0, 0], steps_of_arms(rows, metrics)
     for place, (arm, row) in enumerate(arm_table(rows).iterrows()):
         ends = [[row["progress"] - row["progress_low"]], [row["progress_high"] - row["progress"]]]
-        style = {"fmt": "o", "color": f"C{place % 10}", "capsize": 3, "markersize": 7}
+        style = arm_dots(place) | {"linestyle": "", "capsize": 3, "markersize": 7, "alpha": 0.85}
         name = f"{(labels or {}).get(str(arm), readable(arm))}: {row['seeds']:.0f}"
         axes.errorbar(steps[arm], row["progress"], yerr=np.clip(ends, 0, None), label=name, **style)
     axes.set(xlabel="environment steps: skills, fine-tuning and trials", ylabel="progress", ylim=(0, 1.02))
     axes.xaxis.set_major_formatter(EngFormatter(sep=""))
     axes.set_xlim(left=0)
-    axes.legend(fontsize=8, title="arm: seeds", title_fontsize=8, loc="lower right")
+    axes.legend(
+        fontsize=8, title="arm: seeds", title_fontsize=8, loc="center left", bbox_to_anchor=(1.01, 0.5)
+    )
     return figure

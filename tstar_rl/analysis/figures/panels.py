@@ -8,7 +8,22 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-__all__ = ["message", "panels", "readable", "save_figure"]
+__all__ = ["MARKERS", "arm_dots", "arm_line", "message", "panels", "readable", "save_figure"]
+
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+"""Told apart with any colour vision. Source: Okabe and Ito, Color Universal Design, 2008."""
+LINES = ("-", "--", "-.", ":", (0, (6, 1.5, 1, 1.5, 1, 1.5)))
+MARKERS = "os^DvPX<>*"
+
+
+def arm_line(place: int) -> dict[str, Any]:
+    """Colour and dashes of the arm in the given place: both differ, so that neither is needed alone."""
+    return {"color": COLOURS[place % len(COLOURS)], "linestyle": LINES[place % len(LINES)]}
+
+
+def arm_dots(place: int) -> dict[str, Any]:
+    """Colour and marker of an arm, as in `arm_line`."""
+    return {"color": COLOURS[place % len(COLOURS)], "marker": MARKERS[place % len(MARKERS)]}
 
 
 def panels(

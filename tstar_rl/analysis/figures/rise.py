@@ -6,7 +6,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter
 
-from tstar_rl.analysis.figures.panels import message, panels, readable
+from tstar_rl.analysis.figures.panels import arm_dots, arm_line, message, panels, readable
 from tstar_rl.analysis.turns import tried_turns
 
 __all__ = ["rise_figure"]
@@ -20,21 +20,25 @@ def rise_figure(metrics: pd.DataFrame, task: str, labels: Mapping[str, str] | No
     Args:
         metrics: of `read_metrics`.
         task: of the chains.
-        labels: of arms, in their order; without them arms stand in the order of their names.
+        labels: of arms, in their order; without them arms stand in the order of their names. An arm has the colour of
+            its place, as in the other figures.
     """
     rows = tried_turns(metrics, task)
     if rows.empty:
         return message("no chain was tried after its turns")
     arms = [arm for arm in labels or {} if arm in set(rows["recipe"])] or sorted(set(rows["recipe"]))
-    figure, grid = panels(1, 1, (8, 4.5))
+    figure, grid = panels(1, 1, (11, 4.5))
     axes = grid[0, 0]
-    for place, arm in enumerate(arms):
+    places = {arm: place for place, arm in enumerate(labels or arms)}
+    for arm in arms:
         seeds = rows[rows["recipe"] == arm].pivot(index="env_steps", columns="seed", values="trial_progress")
-        colour, mean = f"C{place % 10}", seeds.dropna().mean(axis=1)
-        axes.plot(seeds.index, seeds, color=colour, linewidth=0.6, alpha=0.5)
+        mean, style = seeds.dropna().mean(axis=1), arm_line(places[arm]) | arm_dots(places[arm])
+        axes.plot(seeds.index, seeds, color=style["color"], linewidth=0.6, alpha=0.5)
         name = f"{(labels or {}).get(arm, readable(arm))}: {seeds.shape[1]}"
-        axes.plot(mean.index, mean, color=colour, linewidth=2.2, marker="o", markersize=4, label=name)
+        axes.plot(mean.index, mean, linewidth=2.2, markersize=5, label=name, **style)
     axes.set(xlabel="environment steps learned from", ylabel="progress in trials", ylim=(None, 1.01))
     axes.xaxis.set_major_formatter(EngFormatter(sep=""))
-    axes.legend(fontsize=8, title="arm: seeds", title_fontsize=8)
+    axes.legend(
+        fontsize=8, title="arm: seeds", title_fontsize=8, loc="center left", bbox_to_anchor=(1.01, 0.5)
+    )
     return figure

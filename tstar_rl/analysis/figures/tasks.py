@@ -9,25 +9,16 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from tstar_rl.analysis.experiments import SEED, TaskScores
-from tstar_rl.analysis.figures.panels import panels, readable
+from tstar_rl.analysis.figures.panels import MARKERS, arm_line, panels, readable
 from tstar_rl.analysis.over_tasks import arms_with
 from tstar_rl.analysis.task_statistics import interquartile_interval, profile_over_tasks
 
 __all__ = ["tasks_figure"]
 
 THRESHOLDS = np.linspace(0, 1, 101)
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-"""Told apart with any colour vision. Source: Okabe and Ito, Color Universal Design, 2008."""
-LINES = ("-", "--", "-.", ":", (0, (6, 1.5, 1, 1.5, 1, 1.5)))
-MARKERS = "os^DvPX<>*"
 DOTS = (-0.34, 0.2)
 """Where the tasks of an arm stand, from its first to its last; its row is one high, and the interval is below them."""
 INTERVAL = 0.36
-
-
-def _style(place: int) -> dict:
-    """Colour and dashes of an arm: both differ, so that neither is needed alone."""
-    return {"color": COLOURS[place % len(COLOURS)], "linestyle": LINES[place % len(LINES)]}
 
 
 def _runs(axes: Axes, scores: TaskScores, tasks: Sequence[str], arms: Sequence[str]) -> None:
@@ -36,7 +27,7 @@ def _runs(axes: Axes, scores: TaskScores, tasks: Sequence[str], arms: Sequence[s
         heights = place + np.linspace(*DOTS, len(tasks))
         for number, (task, height) in enumerate(zip(tasks, heights, strict=True)):
             means = [episodes.mean() for episodes in scores[task][arm].values()]
-            style = {"color": _style(place)["color"], "marker": MARKERS[number % len(MARKERS)]}
+            style = {"color": arm_line(place)["color"], "marker": MARKERS[number % len(MARKERS)]}
             axes.plot(means, [height] * len(means), linestyle="", markersize=5, alpha=0.75, mew=0, **style)
         strata = [list(scores[task][arm].values()) for task in tasks]
         value, low, high = interquartile_interval(strata, np.random.default_rng(SEED))
@@ -53,8 +44,8 @@ def _profiles(axes: Axes, scores: TaskScores, tasks: Sequence[str], arms: Sequen
     for place, arm in enumerate(arms):
         strata = [list(scores[task][arm].values()) for task in tasks]
         share, low, high = profile_over_tasks(strata, THRESHOLDS, np.random.default_rng(SEED))
-        axes.step(THRESHOLDS, share, where="post", linewidth=1.8, **_style(place))
-        colour = _style(place)["color"]
+        axes.step(THRESHOLDS, share, where="post", linewidth=1.8, **arm_line(place))
+        colour = arm_line(place)["color"]
         axes.fill_between(THRESHOLDS, low, high, step="post", color=colour, alpha=0.1, linewidth=0)
     axes.set(
         xlabel="progress above", ylabel="share of runs, mean over tasks", xlim=(0, 1), ylim=(-0.02, 1.02)
@@ -105,7 +96,7 @@ def _legends(runs: Axes, profiles: Axes, tasks: Sequence[str], arms: Sequence[st
     ]
     few = len(arms) < 7
     lines = [
-        Line2D([], [], linewidth=1.8, label=name if few else _wrapped(name, 22), **_style(place))
+        Line2D([], [], linewidth=1.8, label=name if few else _wrapped(name, 22), **arm_line(place))
         for place, name in enumerate(arms)
     ]
     below = {

@@ -66,7 +66,7 @@ def draw_page(root: Path, paper: Paper, figures: Path) -> list[Path]:
             metrics = read_metrics(entry.folder)
             for task in experiment.tasks:
                 found += draw_costs(experiment, metrics, paper, task, entry.prefix, figures)
-                found += draw_turns(metrics, paper, task, entry.prefix, figures)
+                found += draw_turns(experiment, metrics, paper, task, entry.prefix, figures)
         found += _draw_runs(entry, figures)
     return found
 

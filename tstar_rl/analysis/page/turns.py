@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from tstar_rl.analysis.experiments import Experiment
 from tstar_rl.analysis.figures import rise_figure, save_figure
 from tstar_rl.analysis.page.markdown import NOTHING, Paper, arm_label, arm_order, picture, table
 from tstar_rl.analysis.turns import turn_table
@@ -42,12 +43,13 @@ def turns(metrics: pd.DataFrame, paper: Paper, task: str, prefix: str) -> str:
     return f"{picture(RISE, _file(task, prefix))}\n{SAID}\n{table([*header, 'steps of trials'], rows)}"
 
 
-def draw_turns(metrics: pd.DataFrame, paper: Paper, task: str, prefix: str, figures: Path) -> list[Path]:
-    """Writes the figure that `turns` shows, if it shows one."""
-    found = turn_table(metrics, task)
-    if found.empty:
+def draw_turns(
+    experiment: Experiment, metrics: pd.DataFrame, paper: Paper, task: str, prefix: str, figures: Path
+) -> list[Path]:
+    """Writes the figure that `turns` shows, if it shows one; arms look as in the other figures of the experiment."""
+    if turn_table(metrics, task).empty:
         return []
-    labels = {arm: arm_label(paper, arm) for arm in arm_order(paper, found.index)}
+    labels = {arm: arm_label(paper, arm) for arm in arm_order(paper, experiment.chosen(task)["arm"])}
     path = figures / f"{_file(task, prefix)}.png"
     return [save_figure(rise_figure(metrics, task, labels), path)]
 
