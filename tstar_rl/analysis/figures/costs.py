@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter
 
 from tstar_rl.analysis.experiments import arm_table
-from tstar_rl.analysis.figures.panels import arm_dots, panels, readable
+from tstar_rl.analysis.figures.panels import arm_dots, arm_legend, panels, readable
 from tstar_rl.analysis.turns import turn_table
 
 __all__ = ["cost_figure", "steps_of_arms"]
@@ -46,7 +46,5 @@ def cost_figure(rows: pd.DataFrame, metrics: pd.DataFrame, labels: Mapping[str, 
     axes.set(xlabel="environment steps: skills, fine-tuning and trials", ylabel="progress", ylim=(0, 1.02))
     axes.xaxis.set_major_formatter(EngFormatter(sep=""))
     axes.set_xlim(left=0)
-    axes.legend(
-        fontsize=8, title="arm: seeds", title_fontsize=8, loc="center left", bbox_to_anchor=(1.01, 0.5)
-    )
+    arm_legend(axes)
     return figure

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-__all__ = ["MARKERS", "arm_dots", "arm_line", "message", "panels", "readable", "save_figure"]
+__all__ = ["MARKERS", "arm_dots", "arm_legend", "arm_line", "message", "panels", "readable", "save_figure"]
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 """Told apart with any colour vision. Source: Okabe and Ito, Color Universal Design, 2008."""
@@ -24,6 +24,12 @@ def arm_line(place: int) -> dict[str, Any]:
 def arm_dots(place: int) -> dict[str, Any]:
     """Colour and marker of an arm, as in `arm_line`."""
     return {"color": COLOURS[place % len(COLOURS)], "marker": MARKERS[place % len(MARKERS)]}
+
+
+def arm_legend(axes: Axes) -> None:
+    """Names the arms to the right of a panel, where no data is hidden; each label ends with its number of seeds."""
+    beside = {"loc": "center left", "bbox_to_anchor": (1.01, 0.5)}
+    axes.legend(fontsize=8, title="arm: seeds", title_fontsize=8, **beside)
 
 
 def panels(

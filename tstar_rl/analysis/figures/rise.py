@@ -6,7 +6,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter
 
-from tstar_rl.analysis.figures.panels import arm_dots, arm_line, message, panels, readable
+from tstar_rl.analysis.figures.panels import arm_dots, arm_legend, arm_line, message, panels, readable
 from tstar_rl.analysis.turns import tried_turns
 
 __all__ = ["rise_figure"]
@@ -38,7 +38,5 @@ def rise_figure(metrics: pd.DataFrame, task: str, labels: Mapping[str, str] | No
         axes.plot(mean.index, mean, linewidth=2.2, markersize=5, label=name, **style)
     axes.set(xlabel="environment steps learned from", ylabel="progress in trials", ylim=(None, 1.01))
     axes.xaxis.set_major_formatter(EngFormatter(sep=""))
-    axes.legend(
-        fontsize=8, title="arm: seeds", title_fontsize=8, loc="center left", bbox_to_anchor=(1.01, 0.5)
-    )
+    arm_legend(axes)
     return figure

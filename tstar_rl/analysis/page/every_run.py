@@ -35,11 +35,11 @@ def runs_page(root: str | Path, paper: Paper) -> str:
         evaluations = evaluations_of(entry.folder)
         found.append(f"## {entry.title}")
         for task in tasks_of(paper, evaluations):
-            found += [f"### {entry.title}: {task}", by_seed(evaluations, paper, task)]
+            found += [f"### {entry.title}: {task}", _by_seed(evaluations, paper, task)]
     return "\n\n".join(part.strip() for part in found if part) + "\n"
 
 
-def by_seed(evaluations: pd.DataFrame, paper: Paper, task: str) -> str:
+def _by_seed(evaluations: pd.DataFrame, paper: Paper, task: str) -> str:
     """A row for each run and checkpoint."""
     whole, rows = whole_task(evaluations, task), []
     shares = [name for name in whole.columns if str(name).startswith("subtask_")]
