@@ -17,6 +17,7 @@ RECIPES = Path(__file__).resolve().parents[1] / "recipes"
 SYSTEMS = (
     *("bc", "ppo", "gail", "gail_ppo", "spirl", "policy_sequencing", "tstar"),
     *("feasibility", "hand_over_value", "proximity", "scar_like"),
+    *("in_order", "in_order_cloned"),
 )
 
 

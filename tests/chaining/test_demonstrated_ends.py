@@ -4,6 +4,7 @@ import pytest
 import torch
 from tensordict import TensorDict
 
+from tstar_rl.chaining.chain import load_chain
 from tstar_rl.chaining.turns import Turn
 from tstar_rl.config import chain
 from tstar_rl.demonstrations.data_set import Demonstrations
@@ -22,9 +23,9 @@ def demonstrations(observations, action=0.0):
 
 @pytest.fixture
 def asked(point_chain, monkeypatch):
-    """Runs recipes/in_order.py; returns what the expert was asked for, and the turns as they began."""
+    """Runs a recipe; returns what the expert was asked for, the turns as they began, and the old demonstrations."""
 
-    def run(*values):
+    def run(recipe, *values):
         calls, turns = [], []
 
         def collect(make_env, episodes, kind, noise, seed):
@@ -45,14 +46,15 @@ def asked(point_chain, monkeypatch):
         monkeypatch.setattr(chain, "load_demonstrations", lambda config, subtask: own)
         monkeypatch.setattr(chain, "collect", collect)
         monkeypatch.setattr(Turn, "rollouts", watched)
-        point_chain("in_order", *SHORT, *values)
+        point_chain(recipe, *SHORT, *values)
         return calls, turns, own
 
     return run
 
 
-def test_half_of_the_demonstrations_begin_where_the_skill_before_ends(asked):
-    calls, turns, own = asked()
+@pytest.mark.parametrize("recipe", ["in_order", "in_order_cloned"])
+def test_half_of_the_demonstrations_begin_where_the_skill_before_ends(asked, recipe):
+    calls, turns, own = asked(recipe)
     assert [index for index, *_ in turns] == [0, 1, 2, 3]
     first = turns[0]
     assert first[1] is own and len(calls) == 3  # nothing comes before the first skill
@@ -68,7 +70,16 @@ def test_half_of_the_demonstrations_begin_where_the_skill_before_ends(asked):
 
 
 def test_a_share_of_none_asks_for_none_and_one_that_cannot_be_is_refused(asked):
-    calls, turns, own = asked("demonstrated_ends=0.0")
+    calls, turns, own = asked("in_order", "demonstrated_ends=0.0")
     assert not calls and all(expert is own for _, expert, *_ in turns)
     with pytest.raises(ValueError, match=r"must be in \[0, 1\], got 1.5"):
-        asked("demonstrated_ends=1.5", "resume=false")
+        asked("in_order", "demonstrated_ends=1.5", "resume=false")
+
+
+@pytest.mark.parametrize(("recipe", "learns"), [("in_order", True), ("in_order_cloned", False)])
+def test_only_one_of_the_two_recipes_learns_from_rewards(asked, tmp_path, recipe, learns):
+    _, turns, _ = asked(recipe, "chain.ppo.critic_warmup=0")
+    chain = load_chain(tmp_path / f"runs/table_lack/{recipe}/seed0/last")
+    for index, expert, _, cloned in turns:
+        trained = chain[index].policy(TensorDict({"observation": expert.observations}, []))["loc"]
+        assert torch.equal(trained, cloned) != learns

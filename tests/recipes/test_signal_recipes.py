@@ -39,8 +39,9 @@ def test_signals_fine_tune_a_chain_and_are_judged(tmp_path):
         assert len(load_chain(tmp_path / f"a/runs/table_lack/{recipe}/seed0/last")) == 2
     for index in range(2):
         assert run("bc", *skills, f"subtask={index}").returncode == 0
-    done = run("in_order", *chain, "demonstrations.episodes=96", "demonstrations.num_envs=96")
-    assert done.returncode == 0, done.stderr
-    assert len(load_chain(tmp_path / "a/runs/table_lack/in_order/seed0/last")) == 2
+    for recipe in ("in_order", "in_order_cloned"):
+        done = run(recipe, *chain, "demonstrations.episodes=96", "demonstrations.num_envs=96")
+        assert done.returncode == 0, done.stderr
+        assert len(load_chain(tmp_path / f"a/runs/table_lack/{recipe}/seed0/last")) == 2
     done = run("evaluate", "system=feasibility", *chain, "evaluation.whole_episodes=4", "video=false")
     assert done.returncode == 0, done.stderr
