@@ -51,7 +51,7 @@ def write(root: Path, runs: dict) -> Path:
 
 def contents(root: Path, **more) -> None:
     entry = {"folder": "shelf", "kind": "experiment", **more}
-    (root / "contents.yaml").write_text(yaml.safe_dump({"experiments": [entry], "readme": ["shelf"]}))
+    (root / "contents.yaml").write_text(yaml.safe_dump({"experiments": [entry], "readme": {"shelf": None}}))
 
 
 @pytest.fixture

@@ -27,7 +27,7 @@ def published(tmp_path) -> Path:
     (tmp_path / "odd" / "README.md").write_text("# Odd chains\n\nOf skills that are odd.\n")
     (tmp_path / "plain" / "README.md").write_text("# Plain: chains\n\nAs in the paper.\n")
     odd = {"folder": "odd", "kind": "experiment", "pairs": [["tstar", "buffer_no_gate"]]}
-    contents(tmp_path, [odd, {"folder": "plain", "kind": "paper"}], ["odd", "plain"])
+    contents(tmp_path, [odd, {"folder": "plain", "kind": "paper"}], {"odd": None, "plain": None})
     return tmp_path
 
 
@@ -73,11 +73,11 @@ def test_a_family_of_comparisons_is_corrected_for_all_of_it(published):
         "pairs": pairs,
         "families": [[["tstar", "buffer"], ["tstar", "mine"]]],
     }
-    contents(published, [odd, {"folder": "plain", "kind": "paper"}], [])
+    contents(published, [odd, {"folder": "plain", "kind": "paper"}], {})
     with pytest.raises(ValueError, match=r"families of odd have \[\('tstar', 'mine'\)\], not in its pairs"):
         read_contents(published)
     pairs.append(["tstar", "mine"])
-    contents(published, [odd, {"folder": "plain", "kind": "paper"}], [])
+    contents(published, [odd, {"folder": "plain", "kind": "paper"}], {})
     page = results_page(published, THEIRS, "")
     # Differences .25 and .125: t = 3 with one degree of freedom has p = .2048; twice that, for the pair not run counts.
     assert re.search(r"\| T-STAR less buffer starts \| 2 \|.*\| 0\.410 \| not told apart \|", page)
@@ -95,7 +95,7 @@ def test_declared_questions_are_answered_when_their_seeds_are_there(published):
         {"asks": "By how much?", "pairs": pair, "seeds": 3, "margin": 0.5},
         {"asks": "And mine?", "pairs": [["tstar", "mine"]], "seeds": 1},
     ]
-    contents(published, [odd, {"folder": "plain", "kind": "paper"}], [])
+    contents(published, [odd, {"folder": "plain", "kind": "paper"}], {})
     page = results_page(published, THEIRS, "Found:\n\n<!-- answers: odd -->")
     lead, rest = page.split("## How to read the tables")
     for part in (lead, rest):  # both seeds differ by .25; the probability of improvement is .875
@@ -153,16 +153,27 @@ def test_notes_get_the_tables_that_they_ask_for(published):
         results_page(published, THEIRS, "<!-- table: plain -->")
 
 
-def test_the_readme_has_the_first_paragraph_and_short_tables(published):
-    head = results_head(published, THEIRS, "Found.\n\nMore.")
+def test_the_readme_has_what_the_notes_begin_with_and_short_tables(published):
+    notes = "Found [so](#so).\n\n![Drawn.](figures/a.png) [Site](https://a.b)\n\n## More\n\nAnd more."
+    head = results_head(published, THEIRS, notes)
+    lead = "Found [so](docs/results.md#so).\n\n![Drawn.](docs/figures/a.png) [Site](https://a.b)"
     assert (
-        head.startswith("Found.\n\n[Odd chains](docs/results.md#odd-chains), `table`") and "More" not in head
+        head.startswith(f"{lead}\n\n[Odd chains](docs/results.md#odd-chains), `table`") and "ore" not in head
     )
     assert re.search(r"\| T-STAR \| 0\.625 \[[^|]+\| 0\.625 \[[^|]+\| 0\.375 \| 2 \|", head)
+    assert "| buffer starts, every turn kept |" in head
     assert "[Plain: chains](docs/results.md#plain-chains)" in head
     assert "| T-STAR | 0.90 +- 0.07 | 1.000 |" in head
-    contents(published, yaml.safe_load((published / "contents.yaml").read_text())["experiments"], ["plain"])
-    assert "Odd" not in results_head(published, THEIRS, "Found.")
+
+
+def test_the_readme_has_the_arms_that_the_contents_name(published):
+    entries = yaml.safe_load((published / "contents.yaml").read_text())["experiments"]
+    contents(published, entries, {"odd": ["tstar"]})
+    head = results_head(published, THEIRS, "Found.")
+    assert "| T-STAR | 0.625" in head and "buffer" not in head and "Plain" not in head
+    contents(published, entries, {"odd": ["tstar", "mine"]})
+    with pytest.raises(ValueError, match="table has no arm mine; it has buffer_no_gate, tstar"):
+        results_head(published, THEIRS, "Found.")
 
 
 def test_arms_of_several_commits_are_refused_unless_the_contents_say_so(published):
@@ -170,7 +181,7 @@ def test_arms_of_several_commits_are_refused_unless_the_contents_say_so(publishe
     with pytest.raises(ValueError, match="must come from one commit, got .*ddddddd: table/buffer/seed3"):
         results_page(published, THEIRS, "")
     odd = {"folder": "odd", "kind": "experiment", "commits": "several"}
-    contents(published, [odd, {"folder": "plain", "kind": "paper"}], [])
+    contents(published, [odd, {"folder": "plain", "kind": "paper"}], {})
     page = results_page(published, THEIRS, "")
     assert "The arms come from several commits:" in page
     assert "- ddddddd: `table/buffer` (seed 3)" in page and "`table/tstar` (seed 3, 4)" in page
@@ -196,14 +207,25 @@ def test_mistakes_in_the_contents_are_named(published, change, message):
     contents(
         published,
         [{"folder": "odd", "kind": "experiment", **change}, {"folder": "plain", "kind": "paper"}],
-        [],
+        {},
     )
     with pytest.raises(ValueError, match=message):
         read_contents(published)
 
 
+@pytest.mark.parametrize(
+    ("readme", "message"),
+    [(["odd"], "readme must map folders to arms"), ({"even": None}, "readme names even; there are")],
+)
+def test_the_contents_say_what_the_readme_shows(published, readme, message):
+    entries = yaml.safe_load((published / "contents.yaml").read_text())["experiments"]
+    contents(published, entries, readme)
+    with pytest.raises(ValueError, match=message):
+        read_contents(published)
+
+
 def test_no_published_experiment_is_forgotten(published):
-    contents(published, [{"folder": "odd", "kind": "experiment"}], [])
+    contents(published, [{"folder": "odd", "kind": "experiment"}], {})
     with pytest.raises(ValueError, match="leaves out plain"):
         read_contents(published)
     (published / "odd" / "README.md").unlink()

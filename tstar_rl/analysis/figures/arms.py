@@ -10,12 +10,19 @@ from matplotlib.figure import Figure
 
 from tstar_rl.analysis.ablations import as_arms, command
 from tstar_rl.analysis.experiments import SEED, arm_scores, arm_table, compare_arms
-from tstar_rl.analysis.figures.panels import arm_dots, arm_line, message, panels, readable
+from tstar_rl.analysis.figures.panels import (
+    THRESHOLDS,
+    arm_dots,
+    arm_line,
+    draw_profile,
+    message,
+    panels,
+    readable,
+)
 from tstar_rl.analysis.statistics import profile_band
 
 __all__ = ["ablation_figure", "arms_figure", "differences_figure"]
 
-THRESHOLDS = np.linspace(0, 1, 101)
 KEY = (-0.14, -0.03)
 """Where the line of an arm's profile stands in its row, left of the middle panel and in parts of its width."""
 ONE = {"color": "C0", "marker": "o"}
@@ -66,11 +73,10 @@ def arms_figure(rows: pd.DataFrame, labels: Mapping[str, str] | None = None) -> 
         _names(axes, list(scores), labels)
     success.set_yticklabels([" " * 8] * len(scores))
     for place, seeds in enumerate(scores.values()):
-        share, low, high = profile_band(list(seeds.values()), THRESHOLDS, np.random.default_rng(SEED))
-        style = arm_line(place)
-        profile.step(THRESHOLDS, share, where="post", **style)
-        profile.fill_between(THRESHOLDS, low, high, step="post", color=style["color"], alpha=0.1, linewidth=0)
-        success.plot(KEY, [place] * 2, transform=success.get_yaxis_transform(), clip_on=False, **style)
+        band = profile_band(list(seeds.values()), THRESHOLDS, np.random.default_rng(SEED))
+        draw_profile(profile, place, band)
+        beside = {"transform": success.get_yaxis_transform(), "clip_on": False}
+        success.plot(KEY, [place] * 2, **beside, **arm_line(place))
     profile.set(xlabel="progress above", ylabel="share of seeds", xlim=(0, 1), ylim=(-0.02, 1.04))
     return figure
 

@@ -1,5 +1,6 @@
 """A figure with a grid of panels, and writing it as a PNG file."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -8,12 +9,25 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-__all__ = ["MARKERS", "arm_dots", "arm_legend", "arm_line", "message", "panels", "readable", "save_figure"]
+__all__ = [
+    "MARKERS",
+    "THRESHOLDS",
+    "arm_dots",
+    "arm_legend",
+    "arm_line",
+    "draw_profile",
+    "message",
+    "panels",
+    "readable",
+    "save_figure",
+]
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 """Told apart with any colour vision. Source: Okabe and Ito, Color Universal Design, 2008."""
 LINES = ("-", "--", "-.", ":", (0, (6, 1.5, 1, 1.5, 1, 1.5)))
 MARKERS = "os^DvPX<>*"
+THRESHOLDS = np.linspace(0, 1, 101)
+"""Of a performance profile: values of progress."""
 
 
 def arm_line(place: int) -> dict[str, Any]:
@@ -24,6 +38,20 @@ def arm_line(place: int) -> dict[str, Any]:
 def arm_dots(place: int) -> dict[str, Any]:
     """Colour and marker of an arm, as in `arm_line`."""
     return {"color": COLOURS[place % len(COLOURS)], "marker": MARKERS[place % len(MARKERS)]}
+
+
+def draw_profile(axes: Axes, place: int, profile: Sequence[NDArray[np.float64]]) -> None:
+    """A performance profile in the line of an arm, with its band.
+
+    Args:
+        axes: where.
+        place: of the arm.
+        profile: share of runs above each of `THRESHOLDS`, and the lower and upper end of its band, each (101,).
+    """
+    share, low, high = profile
+    axes.step(THRESHOLDS, share, where="post", **arm_line(place))
+    colour = arm_line(place)["color"]
+    axes.fill_between(THRESHOLDS, low, high, step="post", color=colour, alpha=0.1, linewidth=0)
 
 
 def arm_legend(axes: Axes) -> None:

@@ -9,13 +9,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from tstar_rl.analysis.experiments import SEED, TaskScores
-from tstar_rl.analysis.figures.panels import MARKERS, arm_line, panels, readable
+from tstar_rl.analysis.figures.panels import MARKERS, THRESHOLDS, arm_line, draw_profile, panels, readable
 from tstar_rl.analysis.over_tasks import arms_with
 from tstar_rl.analysis.task_statistics import interquartile_interval, profile_over_tasks
 
 __all__ = ["tasks_figure"]
 
-THRESHOLDS = np.linspace(0, 1, 101)
 DOTS = (-0.34, 0.2)
 """Where the tasks of an arm stand, from its first to its last; its row is one high, and the interval is below them."""
 INTERVAL = 0.36
@@ -43,10 +42,7 @@ def _runs(axes: Axes, scores: TaskScores, tasks: Sequence[str], arms: Sequence[s
 def _profiles(axes: Axes, scores: TaskScores, tasks: Sequence[str], arms: Sequence[str]) -> None:
     for place, arm in enumerate(arms):
         strata = [list(scores[task][arm].values()) for task in tasks]
-        share, low, high = profile_over_tasks(strata, THRESHOLDS, np.random.default_rng(SEED))
-        axes.step(THRESHOLDS, share, where="post", linewidth=1.8, **arm_line(place))
-        colour = arm_line(place)["color"]
-        axes.fill_between(THRESHOLDS, low, high, step="post", color=colour, alpha=0.1, linewidth=0)
+        draw_profile(axes, place, profile_over_tasks(strata, THRESHOLDS, np.random.default_rng(SEED)))
     axes.set(
         xlabel="progress above", ylabel="share of runs, mean over tasks", xlim=(0, 1), ylim=(-0.02, 1.02)
     )

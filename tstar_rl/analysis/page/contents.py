@@ -1,7 +1,7 @@
 """Which published experiments the page shows, from results/published/contents.yaml."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import MISSING, dataclass, field, fields
 from pathlib import Path
 
 import yaml
@@ -52,8 +52,8 @@ class Contents:
     """All experiments, in the order of the page."""
 
     experiments: tuple[Entry, ...]
-    readme: tuple[str, ...] = ()
-    """Folders whose short tables the README shows."""
+    readme: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    """Folders whose short tables the README shows, and which arms of each; none named: all."""
 
 
 def read_contents(root: str | Path) -> Contents:
@@ -76,12 +76,14 @@ def read_contents(root: str | Path) -> Contents:
     left_out = {folder.name for folder in root.iterdir() if folder.is_dir()} - named
     if left_out:
         raise ValueError(f"{file} leaves out {', '.join(sorted(left_out))}")
-    readme = tuple(values.get("readme", ()))
+    readme = values.get("readme") or {}
+    if not isinstance(readme, dict):
+        raise ValueError(f"{file}: readme must map folders to arms, as in {{narrow: [tstar]}}, got {readme}")
     if set(readme) - named:
         raise ValueError(
             f"{file}: readme names {', '.join(sorted(set(readme) - named))}; there are {sorted(named)}"
         )
-    return Contents(entries, readme)
+    return Contents(entries, {folder: tuple(arms or ()) for folder, arms in readme.items()})
 
 
 def _entry(root: Path, one: dict) -> Entry:

@@ -1,6 +1,7 @@
 """An experiment as a part of the page: its arms with intervals, its comparisons, and the commits it comes from."""
 
 import math
+from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
@@ -77,9 +78,23 @@ def arms(experiment: Experiment, paper: Paper, task: str, prefix: str) -> str:
     return f"{picture(ARMS, f'{prefix}{task}_arms')}\n{found}{starred}"
 
 
-def short_table(experiment: Experiment, paper: Paper, task: str) -> str:
-    """The arms of a task in four columns, for the README."""
+def short_table(experiment: Experiment, paper: Paper, task: str, shown: Collection[str] = ()) -> str:
+    """Arms of a task in four columns, for the notes and the README.
+
+    Args:
+        experiment: of runs.
+        paper: with the arms' labels.
+        task: one of the experiment's.
+        shown: which arms; none named: all.
+
+    Raises:
+        ValueError: for an arm that the task does not have.
+    """
     rows, gaps, lines = ordered(experiment, paper, task), hand_over_gaps(experiment, task), []
+    unknown = sorted(set(shown) - set(rows["arm"]))
+    if unknown:
+        raise ValueError(f"{task} has no arm {', '.join(unknown)}; it has {', '.join(rows['arm'].unique())}")
+    rows = rows[rows["arm"].isin(shown)] if shown else rows
     for arm, row in arm_table(rows).iterrows():
         spans = [
             interval(*(row[f"{name}{end}"] for end in ("", "_low", "_high")))

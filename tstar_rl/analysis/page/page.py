@@ -125,16 +125,19 @@ def _experiment(entry: Entry, paper: Paper) -> str:
 
 
 def results_head(root: str | Path, paper: Paper, notes: str) -> str:
-    """What the README shows: the first paragraph of the notes, and short tables of some experiments.
+    """What the README shows: what the notes begin with, and short tables of some experiments.
 
     Args:
         root: see `results_page`.
         paper: see `results_page`.
-        notes: see `results_page`; the first paragraph ends with the first empty line.
+        notes: see `results_page`; shown up to their first heading, links changed to lead from the README's folder.
     """
     contents = read_contents(root)
-    found = [notes.strip().split("\n\n")[0]]
-    for entry in (each for each in contents.experiments if each.folder.name in contents.readme):
+    lead = re.split(r"^#", notes, maxsplit=1, flags=re.MULTILINE)[0].replace("](#", "](results.md#")
+    found = [re.sub(r"\]\((?!https?:)", "](docs/", lead)]
+    entries = {entry.folder.name: entry for entry in contents.experiments}
+    for folder, arms in contents.readme.items():
+        entry = entries[folder]
         evaluations = sections.evaluations_of(entry.folder)
         tasks = sections.tasks_of(paper, evaluations)
         link = f"[{entry.title}](docs/results.md#{anchor(entry.title)})"
@@ -145,7 +148,9 @@ def results_head(root: str | Path, paper: Paper, notes: str) -> str:
             if len(experiment.tasks) > 1:
                 shown = {f"{len(experiment.tasks)} tasks": short_over_tasks(experiment, paper, entry)}
             else:
-                shown = {f"`{task}`": parts.short_table(experiment, paper, task) for task in experiment.tasks}
+                shown = {
+                    f"`{task}`": parts.short_table(experiment, paper, task, arms) for task in experiment.tasks
+                }
             found += [text for words, rows in shown.items() for text in (f"{link}, {words}", rows)]
     return "\n\n".join(part.strip() for part in found)
 
