@@ -45,6 +45,8 @@ class TaskSection:
     subtasks: int
     laptop_steps: int
     """Environment steps of a skill's training at `scale=laptop`."""
+    laptop_demonstrations: int
+    """Episodes of a skill's demonstrations at `scale=laptop`."""
 
 
 @dataclass(frozen=True)

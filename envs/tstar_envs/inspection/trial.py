@@ -9,6 +9,7 @@ from torch import Tensor
 
 from tstar_envs.environment import BatchedEnvironment
 from tstar_envs.furniture.schema import Furniture
+from tstar_envs.tasks.phase_reward import PHASES
 
 SPEED = 0.4
 """Velocity scale of a trial, as skills are trained at on a small machine."""
@@ -22,10 +23,14 @@ class Trial(NamedTuple):
     success: float  # share of the episodes
     length: float  # control steps, mean over the successes
     failures: str  # how the others failed, in words
+    phase: str  # of the reward, that most successes of a step came to; the last one where `step` is None
 
     def __str__(self) -> str:
         what = "whole piece" if self.step is None else f"steps[{self.step}]"
         how = f"; {self.failures}" if self.failures else ""
+        if self.phase != PHASES[-1]:
+            how += f"; it never ends the reward's phase {self.phase}, so that no later one pays"
+            how += " (is the waypoint on its way?)" if self.phase == "lift_leg" else ""
         return f"{what}: {self.success:.0%} of {self.episodes}, in {self.length:.0f} control steps{how}"
 
 
@@ -36,13 +41,14 @@ def try_out(furniture: Furniture, step: int | None, episodes: int = 20, seed: in
     world.reset()
     expert, none = world.expert(), torch.zeros(episodes, dtype=torch.bool)
     running, success, wrong, touched, failed = ~none, none.clone(), none.clone(), none.clone(), none.clone()
-    length = torch.zeros(episodes)
+    length, phase = torch.zeros(episodes), torch.zeros(episodes, dtype=torch.int64)
     while running.any():
         world.step(expert.act(world.state))
         for seen, name in ((success, "success"), (wrong, "wrong"), (failed, "failed")):
             seen |= world.state[name] & running
         touched |= world.task.scene(world.state).touching & running
         length += running
+        phase = torch.where(running & ~success, torch.maximum(phase, world.state["phase"]), phase)
         terminated, truncated = world.task.get_termination(world.state)
         running &= ~(terminated | truncated)
     last = world.task.scene(world.state)
@@ -55,7 +61,9 @@ def try_out(furniture: Furniture, step: int | None, episodes: int = 20, seed: in
     }
     share = float(success.double().mean())
     mean = float(length[success].mean()) if bool(success.any()) else float("nan")
-    return Trial(step, episodes, share, mean, _words(ends, ~success))
+    one_step = step is not None and bool(success.any())
+    furthest = PHASES[int(phase[success].median())] if one_step else PHASES[-1]
+    return Trial(step, episodes, share, mean, _words(ends, ~success), furthest)
 
 
 def _words(ends: dict[str, Tensor], left: Tensor) -> str:

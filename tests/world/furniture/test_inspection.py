@@ -105,9 +105,18 @@ def test_a_light_part_that_carries_the_rest_needs_stiffer_contacts(tmp_path):
 def test_the_script_says_how_it_fails(table):
     trial = try_out(library.read(table()), 0, episodes=4)
     assert trial.success == 1.0 and str(trial).startswith("steps[0]: 100% of 4, in ")
+    assert trial.phase == "move_leg_fine" and str(trial).endswith("control steps")
     beside = {"left": [-0.02, 0, 0.3], "right": [0.02, 0, 0.3]}
     trial = try_out(library.read(table(lambda d: _leg(d, grasps=[beside]))), 0, episodes=2)
     assert trial.success == 0.0 and trial.failures == "2 never had the part between both fingers"
+
+
+def test_a_lift_point_that_the_script_does_not_come_by_is_named(table):
+    trial = try_out(library.read(table(lambda d: _step(d, waypoint=[0, 0, 0.5]))), 0, episodes=4)
+    assert trial.success == 1.0 and trial.phase == "lift_leg"
+    assert str(trial).endswith(
+        "never ends the reward's phase lift_leg, so that no later one pays (is the waypoint on its way?)"
+    )
 
 
 def test_the_command_checks_draws_and_tries(table, tmp_path, capsys):
