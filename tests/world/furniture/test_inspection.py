@@ -119,6 +119,16 @@ def test_a_lift_point_that_the_script_does_not_come_by_is_named(table):
     )
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted({*library.names()} - {"chair_ingolf"}))
+def test_the_script_comes_by_the_lift_points_of_the_library(name):
+    """Not so of chair_ingolf, which has the original's: docs/furniture_shelf.md."""
+    furniture = library.load(name)
+    for step in range(len(furniture.steps)):
+        trial = try_out(furniture, step, episodes=4)
+        assert trial.phase == "move_leg_fine", str(trial)
+
+
 def test_the_command_checks_draws_and_tries(table, tmp_path, capsys):
     picture = tmp_path / "look.png"
     arguments = ["check", str(table()), "--picture", str(picture), "--episodes", "0"]
