@@ -81,7 +81,8 @@ class Step:
     """One subtask: the hand takes `moving_part` and joins its connector to the target's.
 
     Attributes:
-        angle: which of the allowed rotations the assembly's drawing names, rad about the connectors' up axis.
+        angle: which of the allowed rotations the assembly's drawing names, rad about the connectors' up axis. Where the
+            part ends half a turn from its start, the sign says which way round it comes: as q or as -q.
         waypoint: where to lift the part, (dx, dy, dz) from where it lay, m.
         grasp_index: which of the moving part's grasps to take.
         grip_angle: the hand's approach direction in the world while it grasps, a unit vector.
@@ -199,10 +200,10 @@ def _check_step(furniture: Furniture, step: Step, where: str) -> None:
         )
     if moving.part == target.part:
         raise FurnitureError(f"{where}: joins part {moving.part!r} to itself, expected two parts")
-    if not any(math.isclose(step.angle, angle, abs_tol=1e-6) for angle in moving.allowed_angles):
+    if not any(abs(math.remainder(step.angle - angle, math.tau)) < 1e-6 for angle in moving.allowed_angles):
         allowed = ", ".join(f"{math.degrees(angle):g}" for angle in moving.allowed_angles)
         raise FurnitureError(
-            f"{where}.angle: got {math.degrees(step.angle):g} degrees, "
+            f"{where}.degrees: got {math.degrees(step.angle):g} degrees, "
             f"connector {moving.part}.{moving.name} allows {allowed}"
         )
     grasps = len(furniture.part(step.moving_part).grasps)

@@ -24,6 +24,7 @@ class Trial(NamedTuple):
     length: float  # control steps, mean over the successes
     failures: str  # how the others failed, in words
     phase: str  # of the reward, that most successes of a step came to; the last one where `step` is None
+    other_way: bool  # the part mostly comes round the other way than starts at the next step suppose
 
     def __str__(self) -> str:
         what = "whole piece" if self.step is None else f"steps[{self.step}]"
@@ -31,6 +32,9 @@ class Trial(NamedTuple):
         if self.phase != PHASES[-1]:
             how += f"; it never ends the reward's phase {self.phase}, so that no later one pays"
             how += " (is the waypoint on its way?)" if self.phase == "lift_leg" else ""
+        if self.other_way:
+            how += "; it turns the part the other way round than the starts have it in which the next skill learns,"
+            how += " so that its quaternion has another sign (write degrees: -180 for 180, or 180 for -180)"
         return f"{what}: {self.success:.0%} of {self.episodes}, in {self.length:.0f} control steps{how}"
 
 
@@ -41,11 +45,15 @@ def try_out(furniture: Furniture, step: int | None, episodes: int = 20, seed: in
     world.reset()
     expert, none = world.expert(), torch.zeros(episodes, dtype=torch.bool)
     running, success, wrong, touched, failed = ~none, none.clone(), none.clone(), none.clone(), none.clone()
+    other_way = none.clone()
     length, phase = torch.zeros(episodes), torch.zeros(episodes, dtype=torch.int64)
     while running.any():
         world.step(expert.act(world.state))
         for seen, name in ((success, "success"), (wrong, "wrong"), (failed, "failed")):
             seen |= world.state[name] & running
+        won = world.state["success"] & running
+        if bool(won.any()):
+            other_way |= won & _other_way(world, step)
         touched |= world.task.scene(world.state).touching & running
         length += running
         phase = torch.where(running & ~success, torch.maximum(phase, world.state["phase"]), phase)
@@ -61,9 +69,19 @@ def try_out(furniture: Furniture, step: int | None, episodes: int = 20, seed: in
     }
     share = float(success.double().mean())
     mean = float(length[success].mean()) if bool(success.any()) else float("nan")
+    turned = int(other_way.sum()) > int(success.sum()) / 2
     one_step = step is not None and bool(success.any())
     furthest = PHASES[int(phase[success].median())] if one_step else PHASES[-1]
-    return Trial(step, episodes, share, mean, _words(ends, ~success), furthest)
+    return Trial(step, episodes, share, mean, _words(ends, ~success), furthest, turned)
+
+
+def _other_way(world: BatchedEnvironment, step: int | None) -> Tensor:
+    """(N,) bool: whether the part of `step` has the quaternion -q, where starts at the next step have one near q."""
+    tables, poses = world.task.tables, world.task.part_poses
+    if step is None or step == tables.num_steps - 1:
+        return torch.zeros(len(poses), dtype=torch.bool)
+    part = int(tables.moving[step])
+    return poses[:, part, 3:] @ tables.nominal_poses()[step + 1, part, 3:] < 0
 
 
 def _words(ends: dict[str, Tensor], left: Tensor) -> str:

@@ -11,6 +11,9 @@ from tstar_envs import geometry
 from tstar_envs.connection import padded
 from tstar_envs.furniture.schema import Furniture, Step
 
+_HALF_A_TURN = 1e-6
+"""Two quaternions whose product is nearer to 0 than this are half a turn apart."""
+
 
 class RecipeTables:
     """Rows (K, ...) of what each step needs, float64; index with the subtask of each simulation, (N,)."""
@@ -61,12 +64,13 @@ class RecipeTables:
     def ideal_relative_pose(self, step: int) -> Tensor:
         """Pose (7,) of the moving part in the target part's frame when step `step` is made exactly.
 
-        The quaternion's sign continues that of the start pose, as physics does.
+        The quaternion's sign continues that of the start pose, as physics does. A part that ends half a turn from its
+        start could have come either way round; there the sign of the step's angle says which.
         """
         quat = geometry.quat_mul(self.goal_quat[step], geometry.quat_conj(self.moving_connector[step, 3:]))
         pos = self.target_connector[step, :3] - geometry.quat_rotate(quat, self.moving_connector[step, :3])
         made = geometry.quat_mul(self.initial_pose[self.target[step], 3:], quat)
-        sign = torch.where(made @ self.initial_pose[self.moving[step], 3:] < 0, -1.0, 1.0)
+        sign = torch.where(made @ self.initial_pose[self.moving[step], 3:] < -_HALF_A_TURN, -1.0, 1.0)
         return torch.cat([pos, quat * sign])
 
     def move_group(self, step: int, poses: Tensor, pose: Tensor) -> Tensor:

@@ -54,7 +54,10 @@ def test_unknown_furniture_is_told_the_nearest_name():
             lambda d: put(d, "steps", 0, "moving_connector", "front"),
             r"connector side.front \('side-front', mates with 'front-side'\) cannot join seat.left",
         ),
-        (lambda d: put(d, "steps", 0, "degrees", 90), r"steps\[0\].angle: got 90 degrees, .* allows 0, 180"),
+        (
+            lambda d: put(d, "steps", 0, "degrees", 90),
+            r"steps\[0\].degrees: got 90 degrees, .* allows 0, 180",
+        ),
         (lambda d: put(d, "steps", 0, "grasp", 2), r"steps\[0\].grasp: got 2, part 'side' has 2 grasps"),
         (
             lambda d: put(d, "steps", 0, "grasp", 0.7),

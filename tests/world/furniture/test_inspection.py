@@ -119,6 +119,24 @@ def test_a_lift_point_that_the_script_does_not_come_by_is_named(table):
     )
 
 
+def test_half_a_turn_the_other_way_round_is_named(tmp_path):
+    data = yaml.safe_load((library.DATA / "table_dockstra.yaml").read_text())
+    assert data["steps"][1]["degrees"] == -180
+    data["steps"][1]["degrees"] = 180
+    (tmp_path / "turned.yaml").write_text(yaml.safe_dump(data, sort_keys=False))
+    trial = try_out(library.read(tmp_path / "turned.yaml"), 1, episodes=2)
+    assert trial.success == 1.0 and trial.other_way and "write degrees: -180" in str(trial)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", library.names())
+def test_parts_come_round_as_starts_at_the_next_step_suppose(name):
+    furniture = library.load(name)
+    for step in range(len(furniture.steps) - 1):
+        trial = try_out(furniture, step, episodes=4)
+        assert trial.success > 0 and not trial.other_way, str(trial)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", sorted({*library.names()} - {"chair_ingolf"}))
 def test_the_script_comes_by_the_lift_points_of_the_library(name):
