@@ -9,7 +9,13 @@ import pytest
 import yaml
 
 from tstar_rl.analysis import read_experiment, tasks_figure, tasks_table
-from tstar_rl.analysis.over_tasks import arms_with, lacking_seeds, lacking_tasks, task_sets
+from tstar_rl.analysis.over_tasks import (
+    arms_with,
+    lacking_seeds,
+    lacking_tasks,
+    skills_of_tasks,
+    task_sets,
+)
 from tstar_rl.analysis.page import results_head, results_page
 from tstar_rl.analysis.page.contents import read_contents
 from tstar_rl.analysis.page.over_tasks import draw_over_tasks, over_tasks
@@ -223,3 +229,64 @@ def test_a_figure_of_an_arm_that_lacks_a_task_is_refused(gaps):
     scores = read_experiment(gaps / "shelf").scores()
     with pytest.raises(ValueError, match="need all of long, short, third; not so: tstar"):
         tasks_figure(scores, list(scores), ["base", "tstar"])
+
+
+def add_skills(root: Path, successes: dict[str, list[list[float]]]) -> None:
+    """Skills of seeds 1 and 2 of each task: `successes` has a list for each seed."""
+    for task, seeds in successes.items():
+        for seed, skills in enumerate(seeds, start=1):
+            for index, success in enumerate(skills):
+                folder = root / "shelf" / task / "gail_ppo" / f"seed{seed}" / f"subtask{index}"
+                folder.mkdir(parents=True)
+                line = {
+                    "checkpoint": "last",
+                    "mode": "deterministic",
+                    "episodes": 20,
+                    "seed": seed,
+                    "minutes": 2,
+                }
+                line |= {
+                    "progress": success,
+                    "success": success,
+                    "env_steps": 1e6,
+                    f"subtask_{index}": success,
+                }
+                line |= {"success_low": 0.0, "success_high": 1.0}
+                pd.DataFrame([line]).to_csv(folder / "evaluation.csv", index=False)
+                (folder / "config.yaml").write_text(
+                    yaml.safe_dump({"subtask": index, "versions": {"commit": "c" * 40}})
+                )
+
+
+def test_a_task_whose_skills_are_not_good_enough_is_named_and_left_out(tmp_path):
+    third = {"third": RUNS["long"]}
+    root = write(tmp_path, {**RUNS, **third})
+    good = [[1.0, 0.9], [1.0, 1.0]]  # .95 on average, which is enough
+    add_skills(root, {"long": good, "third": good, "short": [[1.0, 0.95], [1.0, 0.9]]})
+    experiment = read_experiment(root / "shelf")
+    assert skills_of_tasks(experiment, "base") == {
+        "long": pytest.approx([1.0, 0.95]),
+        "third": pytest.approx([1.0, 0.95]),
+        "short": pytest.approx([1.0, 0.925]),
+    }
+    asked = {"asks": "Does T-STAR help?", "pair": ["tstar", "base"], "runs": 6}
+    contents(root, reference="base", least_skill=0.95, task_questions=[asked], sections=["long"])
+    found = section(root)
+    assert "less than 0.95 from its own starts, mean over seeds: `short` (1.000 0.925)." in found
+    assert "Over all 2 tasks: `long`, `third`." in found
+    # On two tasks T-STAR is ahead on both seeds; two of two signs have a p of .5. All six runs are counted.
+    assert (
+        "| Does T-STAR help? | 1.000 [" in found
+        and "| 2 of 2 (p = 0.500) | **not decided: ahead on 2" in found
+    )
+    assert "| `short` | 1.00 0.93 | 2 | 0.600 | 0.650 |" in found.replace("0.92 |", "0.93 |")
+    page = results_page(root, PAPER, "")
+    assert "### The shelf: long" in page and "### The shelf: short" not in page
+
+
+def test_a_task_question_needs_all_its_values(shelf):
+    contents(shelf, reference="base", task_questions=[{"asks": "Does it?", "pair": ["tstar", "base"]}])
+    with pytest.raises(
+        ValueError, match="needs asks, pair, runs; of 'Does it\\?' these are missing or unknown: runs"
+    ):
+        read_contents(shelf)

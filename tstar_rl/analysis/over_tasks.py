@@ -10,10 +10,12 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from tstar_rl.analysis.experiments import SEED, TaskScores
+from tstar_rl.analysis.experiments import SEED, Experiment, TaskScores
+from tstar_rl.analysis.tables import config_of
 from tstar_rl.analysis.task_statistics import improvement_over_tasks, interquartile_interval
+from tstar_rl.runs.run_folder import run_path
 
-__all__ = ["arms_with", "lacking_seeds", "lacking_tasks", "task_sets", "tasks_table"]
+__all__ = ["arms_with", "lacking_seeds", "lacking_tasks", "skills_of_tasks", "task_sets", "tasks_table"]
 
 
 def arms_with(scores: TaskScores, tasks: Sequence[str]) -> list[str]:
@@ -90,3 +92,22 @@ def _improvement(
         for name in (arm, reference)
     )
     return improvement_over_tasks(first, second, np.random.default_rng(SEED))
+
+
+def skills_of_tasks(experiment: Experiment, arm: str) -> dict[str, list[float]]:
+    """Of each task that an arm has: success of the skills that it starts from, in order, mean over the arm's seeds.
+
+    That of their last checkpoints, deterministic, from their own starts; [] where they were not tried alone.
+    """
+    found: dict[str, list[float]] = {}
+    for task in experiment.tasks:
+        runs, skills = experiment.chosen(task), experiment.skills
+        seeds = runs[runs["arm"] == arm]["seed"].tolist()
+        if not seeds:
+            continue
+        source = config_of(run_path(experiment.root, task, arm, seeds[0])).get("skills", "gail_ppo")
+        if len(skills):
+            skills = skills[(skills["task"] == task) & (skills["arm"] == source) & skills["seed"].isin(seeds)]
+            skills = skills[(skills["checkpoint"] == "last") & (skills["mode"] == "deterministic")]
+        found[task] = skills.groupby("subtask")["success"].mean().tolist() if len(skills) else []
+    return found

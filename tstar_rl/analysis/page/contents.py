@@ -3,10 +3,12 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import MISSING, dataclass, field, fields
 from pathlib import Path
+from typing import TypeVar
 
 import yaml
 
 from tstar_rl.analysis.questions import Question
+from tstar_rl.analysis.task_questions import TaskQuestion
 from tstar_rl.runs.run_folder import UNTRAINED
 
 __all__ = ["Contents", "Entry", "read_contents"]
@@ -14,6 +16,7 @@ __all__ = ["Contents", "Entry", "read_contents"]
 FILE = "contents.yaml"
 KINDS = ("experiment", "paper", "ablations")
 COMMITS = ("one", "several")
+_Asked = TypeVar("_Asked", Question, TaskQuestion)
 
 
 @dataclass(frozen=True)
@@ -32,6 +35,16 @@ class Entry:
     """Declared before the experiment ran, with the rule that answers each."""
     reference: str = UNTRAINED
     """The arm over which, of several tasks, the improvement of the others is shown."""
+    least_skill: float | None = None
+    """Of several tasks only those are aggregated whose skills each succeed so often from their own starts."""
+    task_questions: tuple[TaskQuestion, ...] = ()
+    """Declared before the experiment ran, over several tasks."""
+    sections: tuple[str, ...] | None = None
+    """Tasks with a section of their own on the page; None: all of them."""
+
+    def has_section(self, task: str) -> bool:
+        """Whether the page has a section of this task."""
+        return self.sections is None or task in self.sections
 
     @property
     def prefix(self) -> str:
@@ -96,7 +109,8 @@ def _entry(root: Path, one: dict) -> Entry:
         )
     pairs = _pairs(one.get("pairs", ()))
     families = tuple(_pairs(family) for family in one.get("families", ()))
-    questions = tuple(_question(root, asked) for asked in one.get("questions", ()))
+    questions = tuple(_question(root, asked, Question) for asked in one.get("questions", ()))
+    over_tasks = tuple(_question(root, asked, TaskQuestion) for asked in one.get("task_questions", ()))
     for name, each in (("families", families), ("questions", [asked.pairs for asked in questions])):
         unknown = sorted({pair for named in each for pair in named} - set(pairs))
         if unknown:
@@ -107,6 +121,8 @@ def _entry(root: Path, one: dict) -> Entry:
         "pairs": pairs,
         "families": families,
         "questions": questions,
+        "task_questions": over_tasks,
+        "sections": None if one.get("sections") is None else tuple(one["sections"]),
     }
     entry = Entry(**values)
     for name, value, valid in (("kind", entry.kind, KINDS), ("commits", entry.commits, COMMITS)):
@@ -119,9 +135,9 @@ def _entry(root: Path, one: dict) -> Entry:
     return entry
 
 
-def _question(root: Path, asked: dict) -> Question:
-    """One item of an experiment's `questions`."""
-    valid = {field.name: field.default is MISSING for field in fields(Question)}
+def _question(root: Path, asked: dict, kind: type[_Asked]) -> _Asked:
+    """One item of an experiment's `questions` or `task_questions`."""
+    valid = {field.name: field.default is MISSING for field in fields(kind)}
     wrong = [name for name in asked if name not in valid]
     wrong += [name for name, it_is_needed in valid.items() if it_is_needed and name not in asked]
     if wrong:
@@ -130,7 +146,9 @@ def _question(root: Path, asked: dict) -> Question:
             f"{root / FILE}: a question has {', '.join(valid)}, and needs {needed}; of {asked.get('asks', asked)!r} "
             f"these are missing or unknown: {', '.join(wrong)}"
         )
-    return Question(**{**asked, "pairs": _pairs(asked["pairs"])})
+    if kind is Question:
+        return kind(**{**asked, "pairs": _pairs(asked["pairs"])})
+    return kind(**{**asked, "pair": _pairs([asked["pair"]])[0]})
 
 
 def _pairs(listed: Iterable[Sequence[str]]) -> tuple[tuple[str, str], ...]:

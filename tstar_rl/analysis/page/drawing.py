@@ -64,7 +64,7 @@ def draw_page(root: Path, paper: Paper, figures: Path) -> list[Path]:
             found += draw_over_tasks(experiment, paper, entry, figures)
             found += draw_experiment(experiment, paper, entry, figures)
             metrics = read_metrics(entry.folder)
-            for task in experiment.tasks:
+            for task in filter(entry.has_section, experiment.tasks):
                 found += draw_costs(experiment, metrics, paper, task, entry.prefix, figures)
                 found += draw_turns(experiment, metrics, paper, task, entry.prefix, figures)
         found += _draw_runs(entry, figures)
@@ -74,7 +74,9 @@ def draw_page(root: Path, paper: Paper, figures: Path) -> list[Path]:
 def _draw_runs(entry: Entry, figures: Path) -> list[Path]:
     """Curves, hand-overs and terminal states of every task."""
     metrics, handed, found = read_metrics(entry.folder), read_hand_over(entry.folder), []
-    for task in sorted(folder.name for folder in entry.folder.iterdir() if folder.is_dir()):
+    for task in filter(
+        entry.has_section, sorted(each.name for each in entry.folder.iterdir() if each.is_dir())
+    ):
         for name, rows in curve_groups(metrics, task).items():
             where = rows["recipe"] + (" " + rows["subtask"].astype(str) if name == "skills" else "")
             figure = seed_curves(rows.assign(panel=where), COLUMNS[name], "panel")

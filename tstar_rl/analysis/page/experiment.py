@@ -181,7 +181,7 @@ def commits(experiment: Experiment) -> str:
 def draw_experiment(experiment: Experiment, paper: Paper, entry: Entry, figures: Path) -> list[Path]:
     """Writes the figures that `arms` and `comparisons` show."""
     found = []
-    for task in experiment.tasks:
+    for task in filter(entry.has_section, experiment.tasks):
         rows = ordered(experiment, paper, task)
         called = {arm: arm_label(paper, arm) for arm in rows["arm"]}
         found.append(save_figure(arms_figure(rows, called), figures / f"{entry.prefix}{task}_arms.png"))

@@ -6,13 +6,23 @@ from pathlib import Path
 
 from tstar_rl.analysis.experiments import Experiment, TaskScores
 from tstar_rl.analysis.figures import save_figure, tasks_figure
-from tstar_rl.analysis.over_tasks import arms_with, lacking_seeds, lacking_tasks, task_sets, tasks_table
+from tstar_rl.analysis.over_tasks import (
+    arms_with,
+    lacking_seeds,
+    lacking_tasks,
+    skills_of_tasks,
+    task_sets,
+    tasks_table,
+)
 from tstar_rl.analysis.page.contents import FILE, Entry
+from tstar_rl.analysis.page.each_task import each_task
 from tstar_rl.analysis.page.markdown import NOTHING, Paper, arm_label, arm_order, interval, picture, table
+from tstar_rl.analysis.task_questions import answer_over_tasks, compare_over_tasks
 
 __all__ = ["draw_over_tasks", "over_tasks", "short_over_tasks"]
 
 HEADING = "over all tasks"
+ROUNDING = 1e-9
 FIGURE = "Left: every run, and below them the interquartile mean. Right: the share of runs above a progress."
 READING = """\
 A run is one seed of one task. Every task has the same weight. Progress is the share of a task's subtasks, so tasks of
@@ -36,13 +46,15 @@ def over_tasks(experiment: Experiment, paper: Paper, entry: Entry) -> str:
     """
     if len(experiment.tasks) < 2:
         return ""
-    scores = experiment.scores()
     _check_reference(experiment, entry)
+    scores, left_out = _aggregated(experiment, entry)
     said = [f"### {entry.title}: {HEADING}", READING.format(reference=arm_label(paper, entry.reference))]
-    said += [_missing(scores, paper)]
+    said += [_left_out(left_out, entry.least_skill), _missing(scores, paper)]
     for tasks in task_sets(scores):
         said += [_words(scores, tasks), picture(FIGURE, _file(entry, scores, tasks))]
         said += [_table(scores, tasks, paper, entry.reference)]
+    said += [_answers(experiment, list(scores), entry)]
+    said += [each_task(experiment, paper, entry) if entry.sections is not None else ""]
     return "\n\n".join(part.strip() for part in said if part)
 
 
@@ -53,7 +65,7 @@ def short_over_tasks(experiment: Experiment, paper: Paper, entry: Entry) -> str:
         ValueError: see `over_tasks`.
     """
     _check_reference(experiment, entry)
-    scores = experiment.scores()
+    scores, _ = _aggregated(experiment, entry)
     return "\n".join(_table(scores, tasks, paper, entry.reference) for tasks in task_sets(scores))
 
 
@@ -61,12 +73,59 @@ def draw_over_tasks(experiment: Experiment, paper: Paper, entry: Entry, figures:
     """Writes the figures that `over_tasks` shows."""
     if len(experiment.tasks) < 2:
         return []
-    scores, found = experiment.scores(), []
+    (scores, _), found = _aggregated(experiment, entry), []
     for tasks in task_sets(scores):
         arms = arm_order(paper, arms_with(scores, tasks))
         drawn = tasks_figure(scores, tasks, arms, {arm: arm_label(paper, arm) for arm in arms})
         found.append(save_figure(drawn, figures / f"{_file(entry, scores, tasks)}.png"))
     return found
+
+
+def _aggregated(experiment: Experiment, entry: Entry) -> tuple[TaskScores, dict[str, list[float]]]:
+    """Scores of the tasks that are aggregated, and the skills of those that are not."""
+    scores, least = experiment.scores(), entry.least_skill
+    if least is None:
+        return scores, {}
+    skills = skills_of_tasks(experiment, entry.reference)
+    unfit = {
+        task: skills.get(task, []) for task in scores if min(skills.get(task) or [0.0]) < least - ROUNDING
+    }
+    return {task: arms for task, arms in scores.items() if task not in unfit}, unfit
+
+
+def _left_out(tasks: dict[str, list[float]], least: float | None) -> str:
+    """Which tasks are not aggregated, and their skills; nothing where none is left out."""
+    if least is None or not tasks:
+        return ""
+    said = [
+        f"`{task}` ({' '.join(f'{success:.3f}' for success in skills) or 'not tried alone'})"
+        for task, skills in tasks.items()
+    ]
+    why = f"as a skill succeeds in less than {least:g} from its own starts, mean over seeds"
+    return f"Left out, {why}: {', '.join(said)}."
+
+
+def _answers(experiment: Experiment, tasks: Sequence[str], entry: Entry) -> str:
+    """The questions declared over tasks, what was measured, and their answers; nothing if none was declared."""
+    if not entry.task_questions:
+        return ""
+    found, lines = (
+        compare_over_tasks(experiment.scores(), tasks, [each.pair for each in entry.task_questions]),
+        [],
+    )
+    for question in entry.task_questions:
+        measured = [row for row in found.itertuples() if (row.first, row.second) == question.pair]
+        cells = [NOTHING, NOTHING]
+        for row in measured:
+            sign = f"{row.ahead} of {row.tasks} (p = {row.p_value:.3f})"
+            cells = [interval(row.improvement, row.improvement_low, row.improvement_high), sign]
+        lines.append([question.asks, *cells, f"**{answer_over_tasks(question, found)}**"])
+    header = [
+        "question, declared before",
+        "probability of improvement [95%]",
+        "tasks on which it is ahead (sign test)",
+    ]
+    return table([*header, "answer"], lines)
 
 
 def _words(scores: TaskScores, tasks: Sequence[str]) -> str:

@@ -102,7 +102,7 @@ def _experiment(entry: Entry, paper: Paper) -> str:
     said.append(parts.commits(experiment) if experiment else "")
     said.append(f"[Every run of it](every_run.md#{anchor(entry.title)}), seed by seed.")
     said.append(over_tasks(experiment, paper, entry) if experiment else "")
-    for task in sections.tasks_of(paper, evaluations):
+    for task in filter(entry.has_section, sections.tasks_of(paper, evaluations)):
         said.append(f"### {entry.title}: {task}")
         leads: dict[str, str] = {}
         if experiment and task in experiment.tasks:
