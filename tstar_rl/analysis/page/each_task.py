@@ -6,27 +6,29 @@ from tstar_rl.analysis.experiments import Experiment, hand_over_gaps
 from tstar_rl.analysis.over_tasks import skills_of_tasks
 from tstar_rl.analysis.page.contents import Entry
 from tstar_rl.analysis.page.markdown import NOTHING, Paper, arm_label, arm_order, table
+from tstar_rl.runs.run_folder import UNTRAINED
 
 __all__ = ["each_task"]
 
 READING = """\
 Success of the skills from their own starts, in order, then progress of the chains; means over seeds. The hand-over gap
-is that of {reference}.
+is that of {arm}.
 """
 
 
 def each_task(experiment: Experiment, paper: Paper, entry: Entry) -> str:
     """The table of tasks, deterministic, last checkpoints."""
-    skills, lines = skills_of_tasks(experiment, entry.reference), []
-    arms = arm_order(paper, map(str, experiment.arms["arm"]))
+    arms, lines = arm_order(paper, map(str, experiment.arms["arm"])), []
+    before = UNTRAINED if UNTRAINED in arms else entry.reference
+    skills = skills_of_tasks(experiment, before)
     for task in experiment.tasks:
         rows, gaps = experiment.chosen(task), hand_over_gaps(experiment, task)
-        gap = gaps[gaps["arm"] == entry.reference]["gap"]
+        gap = gaps[gaps["arm"] == before]["gap"]
         cells = [_mean(rows[rows["arm"] == arm]["progress"]) for arm in arms]
         alone = " ".join(f"{success:.2f}" for success in skills.get(task, ())) or NOTHING
         lines.append([f"`{task}`", alone, _seeds(rows), *cells, _mean(gap)])
     header = ["task", "skills", "seeds", *(arm_label(paper, arm) for arm in arms), "hand-over gap"]
-    return f"{READING.format(reference=arm_label(paper, entry.reference))}\n{table(header, lines)}"
+    return f"{READING.format(arm=arm_label(paper, before))}\n{table(header, lines)}"
 
 
 def _mean(values: pd.Series) -> str:
