@@ -184,7 +184,7 @@ def test_arms_of_several_commits_are_refused_unless_the_contents_say_so(publishe
     contents(published, [odd, {"folder": "plain", "kind": "paper"}], {})
     page = results_page(published, THEIRS, "")
     assert "The arms come from several commits:" in page
-    assert "- ddddddd: `table/buffer` (seed 3)" in page and "`table/tstar` (seed 3, 4)" in page
+    assert "- ddddddd: `table`: `buffer` (seed 3)" in page and "`tstar` (seed 3, 4)" in page
 
 
 @pytest.mark.parametrize(

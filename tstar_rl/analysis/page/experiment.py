@@ -169,13 +169,21 @@ def commits(experiment: Experiment) -> str:
         return f"All arms come from commit {next(iter(found))[:7]}.\n"
     parts = []
     for commit, runs in found.items():
-        seeds: dict[str, list[str]] = {}
+        seeds: dict[str, dict[str, list[str]]] = {}
         for run in runs:
-            arm, _, seed = run.rpartition("/seed")
-            seeds.setdefault(arm, []).append(seed)
-        named = "; ".join(f"`{arm}` (seed {', '.join(each)})" for arm, each in seeds.items())
+            task, arm, seed = run.rsplit("/", 2)
+            seeds.setdefault(task, {}).setdefault(arm, []).append(seed.removeprefix("seed"))
+        named = "; ".join(f"`{task}`: {_with_seeds(arms)}" for task, arms in seeds.items())
         parts.append(f"- {'unknown' if commit == UNKNOWN else commit[:7]}: {named}\n")
     return "The arms come from several commits:\n\n" + "".join(parts)
+
+
+def _with_seeds(arms: dict[str, list[str]]) -> str:
+    """Arms with the same seeds stand together."""
+    alike: dict[str, list[str]] = {}
+    for arm, seeds in arms.items():
+        alike.setdefault(", ".join(seeds), []).append(f"`{arm}`")
+    return ", ".join(f"{', '.join(names)} (seed {seeds})" for seeds, names in alike.items())
 
 
 def draw_experiment(experiment: Experiment, paper: Paper, entry: Entry, figures: Path) -> list[Path]:
