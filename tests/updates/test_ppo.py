@@ -12,10 +12,8 @@ from tstar_rl.chaining.skill import Skill
 from tstar_rl.models.return_scale import ReturnScale
 from tstar_rl.rollouts.collection import Collection, with_starts
 from tstar_rl.transforms import RewardMixture
-from tstar_rl.updates import (
-    PolicyUpdate,
-    PPOSettings,
-)
+from tstar_rl.updates import PolicyUpdate, PPOSettings
+from tstar_rl.updates.ppo import adapted_share
 
 
 def rollouts(make_env, skill: Skill, horizon: int = 16) -> Collection:
@@ -59,6 +57,36 @@ def test_kl_stop_holds_the_actor_and_not_the_critic(make_env):
     log = update(RewardMixture({"env": 1.0})(rollouts(make_env, skill).rollout()))
     assert log["kl"] > 1e-3
     assert log["actor_steps"] < log["critic_steps"] == 10 * 16 * 16 // 64
+
+
+@pytest.mark.parametrize(
+    ("share", "kl", "expected"),
+    [
+        (0.9, 0.05, 0.6),  # above .04
+        (0.6, 0.009, 0.9),  # below .01
+        (0.6, -0.1, 0.9),  # an estimate can be negative
+        (0.6, 0.02, 0.6),
+        (0.9, 0.0, 1.0),  # never more than the rate itself
+        (0.01, 1.0, 0.01),
+    ],
+)
+def test_the_rates_share_follows_the_kl_by_hand(share, kl, expected):
+    assert adapted_share(share, kl, target=0.02) == pytest.approx(expected)
+
+
+def test_a_kl_target_makes_the_next_update_smaller_and_is_resumed(make_env):
+    skill, reward = small_skill(), RewardMixture({"env": 1.0})
+    settings = PPOSettings(learning_rate=1e-2, linear_decay=False, kl_target=1e-3, minibatch=64)
+    update = PolicyUpdate(skill.policy, skill.value, settings, skill.return_scale)
+    log = update(reward(rollouts(make_env, skill).rollout()))
+    assert log["kl"] > 2e-3 and log["rate_share"] == pytest.approx(1 / 1.5)
+    resumed = PolicyUpdate(skill.policy, skill.value, settings, skill.return_scale)
+    resumed.load_state_dict(copy.deepcopy(update.state_dict()))
+    for one in (update, resumed):
+        one(reward(rollouts(make_env, skill).rollout()))
+    # The second update has the share that the first ended with.
+    rates = [one.actor_optimizer.param_groups[0]["lr"] for one in (update, resumed)]
+    assert rates == pytest.approx([1e-2 / 1.5] * 2)
 
 
 def test_an_update_goes_on_from_its_state(make_env):

@@ -19,6 +19,8 @@ from tstar_rl.models.networks import split_encoder
 from tstar_rl.models.precision import Bfloat16
 from tstar_rl.models.return_scale import ReturnScale
 
+LEAST_SHARE = 0.01
+"""Of the actor's rate, however large the KL."""
 PPO_KEYS = ("encoded", "action", "action_log_prob", "advantage", "value_target")
 
 
@@ -41,6 +43,10 @@ class PPOSettings:
     gae_lambda: float = 0.95
     kl_stop: float = math.inf
     """The actor stands still for the rest of an update once the KL of a minibatch exceeds this."""
+    kl_target: float | None = None
+    """Where the last KL of an update is above twice this, the actor's rate is divided by 1.5 for the next one; where it
+    is below half of this, it is multiplied by as much, up to the rate itself. As a learned deviation shrinks, the same
+    step of the mean action is a larger KL. None: off."""
     critic_warmup: int = 0
     """First updates in which the critic alone is trained."""
     rate_warmup: int = 0
@@ -56,7 +62,7 @@ class PPOSettings:
         check_ranges(
             self,
             count=("epochs", "minibatch"),
-            positive=("learning_rate", "critic_learning_rate", "clip_epsilon", "max_grad_norm"),
+            positive=("learning_rate", "critic_learning_rate", "kl_target", "clip_epsilon", "max_grad_norm"),
             not_negative=("entropy_coeff", "critic_coeff", "critic_warmup", "rate_warmup"),
             share=("gamma", "gae_lambda"),
             limit=("kl_stop",),
@@ -90,6 +96,7 @@ class PolicyUpdate:
         self.generator = torch.Generator(self.device).manual_seed(seed)
         self.updates = self.actor_steps = 0
         self.actor_rate = settings.learning_rate
+        self.rate_share = 1.0
         self.carried = torch.zeros((), device=self.device)
         self.encoder, actor, self.critic = split_encoder(policy, value)
         if settings.critic_bfloat16:
@@ -133,6 +140,9 @@ class PolicyUpdate:
             for rows in order.split(self.settings.minibatch):
                 actor_moves = self._step(batch[rows], actor_moves, log)
         self.updates += 1
+        if self.settings.kl_target is not None and log["actor_steps"]:
+            self.rate_share = adapted_share(self.rate_share, float(log["kl"]), self.settings.kl_target)
+            log["rate_share"] = self.rate_share
         log["loss_policy"] = log["loss_policy"] / max(log["actor_steps"], 1)
         log["loss_critic"] = log["loss_critic"] / max(log["critic_steps"], 1)
         return {name: float(value) if isinstance(value, Tensor) else value for name, value in log.items()}
@@ -152,7 +162,7 @@ class PolicyUpdate:
             loss = policy_loss + critic_loss  # no parameter is in both; a compiled loss has one backward pass
             self.actor_steps += 1
             warmth = min(self.actor_steps / max(self.settings.rate_warmup, 1), 1.0)
-            self.actor_optimizer.param_groups[0]["lr"] = warmth * self.actor_rate
+            self.actor_optimizer.param_groups[0]["lr"] = warmth * self.rate_share * self.actor_rate
             log["loss_policy"] = log["loss_policy"] + policy_loss.detach()
             log["actor_steps"] += 1
         learners = [(self.critic_optimizer, self.critic_parameters)]
@@ -209,6 +219,7 @@ class PolicyUpdate:
             "updates": self.updates,
             "actor_steps": self.actor_steps,
             "carried": self.carried,
+            "rate_share": self.rate_share,
         }
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
@@ -218,6 +229,13 @@ class PolicyUpdate:
         self.generator.set_state(state["generator"])
         self.updates, self.actor_steps = int(state["updates"]), int(state["actor_steps"])
         self.carried = state["carried"].to(self.device)
+        self.rate_share = float(state.get("rate_share", 1.0))
+
+
+def adapted_share(share: float, kl: float, target: float) -> float:
+    """Which share of the actor's rate the next update has, after one that ended with this KL; see `PPOSettings`."""
+    factor = 1 / 1.5 if kl > 2 * target else 1.5 if kl < target / 2 else 1.0
+    return min(max(share * factor, LEAST_SHARE), 1.0)
 
 
 def _descend(
