@@ -4,65 +4,24 @@ import re
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
-import yaml
+from made_up_shelf import PAPER, RUNS, contents, section, write_shelf
 
 from tstar_rl.analysis import read_experiment, tasks_figure, tasks_table
 from tstar_rl.analysis.over_tasks import (
     arms_with,
     lacking_seeds,
     lacking_tasks,
-    skills_of_tasks,
     task_sets,
 )
 from tstar_rl.analysis.page import results_head, results_page
 from tstar_rl.analysis.page.contents import read_contents
-from tstar_rl.analysis.page.over_tasks import draw_over_tasks, over_tasks
-
-PAPER = {
-    "tasks": [],
-    "systems": {"tstar": {"label": "T-STAR"}},
-    "arms": {"base": "no signal", "tstar": None, "late": "late start"},
-    "hours": 48,
-    "workers": 16,
-}
-RUNS = {
-    "long": {
-        "base": {1: [0.8, 0.4, 0.2, 0.2], 2: [0.6, 0.6, 0.2, 0.2]},
-        "tstar": {1: [1, 0.8, 0.6, 0.4], 2: [1, 1, 1, 1]},
-    },
-    "short": {"base": {1: [0.6, 0.2], 2: [1, 0.6]}, "tstar": {1: [0.6, 0.2], 2: [1, 0.8]}},
-}
-"""Shares of completed subtasks; progress .4, .4 | .7, 1 of four subtasks and .4, .8 | .4, .9 of two."""
-
-
-def write(root: Path, runs: dict) -> Path:
-    """An experiment of runs of 20 episodes, by task, arm and seed, that a page shows."""
-    for task, arms in runs.items():
-        for arm, seeds in arms.items():
-            for seed, shares in seeds.items():
-                folder = root / "shelf" / task / arm / f"seed{seed}"
-                folder.mkdir(parents=True)
-                row = {"checkpoint": "last", "mode": "deterministic", "episodes": 20, "seed": seed}
-                row |= {"progress": np.mean(shares), "success": shares[-1], "env_steps": 1e6, "minutes": 2}
-                row |= {"success_low": 0.0, "success_high": 1.0}
-                row |= {f"subtask_{index}": share for index, share in enumerate(shares)}
-                pd.DataFrame([row]).to_csv(folder / "evaluation.csv", index=False)
-                (folder / "config.yaml").write_text(yaml.safe_dump({"versions": {"commit": "c" * 40}}))
-    (root / "shelf" / "README.md").write_text("# The shelf\n\nMade up.\n")
-    contents(root, reference="base")
-    return root
-
-
-def contents(root: Path, **more) -> None:
-    entry = {"folder": "shelf", "kind": "experiment", **more}
-    (root / "contents.yaml").write_text(yaml.safe_dump({"experiments": [entry], "readme": {"shelf": None}}))
+from tstar_rl.analysis.page.over_tasks import draw_over_tasks
 
 
 @pytest.fixture
 def shelf(tmp_path) -> Path:
-    return write(tmp_path, RUNS)
+    return write_shelf(tmp_path, RUNS)
 
 
 @pytest.fixture
@@ -71,7 +30,7 @@ def gaps(tmp_path) -> Path:
     third = {"base": {1: [0.5, 0.5]}, "late": {1: [1, 1], 2: [1, 1]}}
     runs = {task: {**arms, "late": arms["base"]} for task, arms in RUNS.items()}
     (tmp_path / "gaps").mkdir()
-    return write(tmp_path / "gaps", {**runs, "third": third})
+    return write_shelf(tmp_path / "gaps", {**runs, "third": third})
 
 
 def test_progress_of_tasks_of_any_length_is_a_share(shelf):
@@ -128,11 +87,6 @@ def test_tasks_that_no_two_arms_share_are_not_aggregated():
     ) == [["a", "b"]]
 
 
-def section(root: Path) -> str:
-    (entry,) = read_contents(root).experiments
-    return over_tasks(read_experiment(root / "shelf"), PAPER, entry)
-
-
 def test_the_page_has_a_section_over_all_tasks(shelf):
     page, found = results_page(shelf, PAPER, ""), section(shelf)
     assert f"\n\n{found}\n\n### The shelf: long\n" in page and found.startswith(
@@ -166,20 +120,20 @@ def test_the_page_says_what_is_missing_and_compares_common_tasks(gaps):
 
 def test_arms_without_common_tasks_are_said_to_have_none(tmp_path):
     runs = {"long": {"base": RUNS["long"]["base"]}, "short": {"tstar": RUNS["short"]["tstar"]}}
-    found = section(write(tmp_path, runs))
+    found = section(write_shelf(tmp_path, runs))
     assert "The arms have fewer than two tasks in common" in found and "|---|" not in found
 
 
 def test_where_no_arm_has_all_tasks_the_common_ones_are_left(tmp_path):
     late = {"late": RUNS["long"]["base"]}
     runs = {**{task: {**arms, **late} for task, arms in RUNS.items()}, "third": late, "fourth": RUNS["short"]}
-    found = section(write(tmp_path, runs))
+    found = section(write_shelf(tmp_path, runs))
     assert "](figures/shelf_common_tasks.png)" in found and "all_tasks" not in found
     assert "Over the 2 tasks that every arm has: `long`, `short`." in found and "Over all" not in found
 
 
 def test_one_task_has_no_such_section(tmp_path):
-    root = write(tmp_path, {"long": RUNS["long"]})
+    root = write_shelf(tmp_path, {"long": RUNS["long"]})
     contents(root)  # the reference is not asked for
     page = results_page(root, PAPER, "")
     assert "over all tasks" not in page and "### The shelf: long" in page
@@ -229,64 +183,3 @@ def test_a_figure_of_an_arm_that_lacks_a_task_is_refused(gaps):
     scores = read_experiment(gaps / "shelf").scores()
     with pytest.raises(ValueError, match="need all of long, short, third; not so: tstar"):
         tasks_figure(scores, list(scores), ["base", "tstar"])
-
-
-def add_skills(root: Path, successes: dict[str, list[list[float]]]) -> None:
-    """Skills of seeds 1 and 2 of each task: `successes` has a list for each seed."""
-    for task, seeds in successes.items():
-        for seed, skills in enumerate(seeds, start=1):
-            for index, success in enumerate(skills):
-                folder = root / "shelf" / task / "gail_ppo" / f"seed{seed}" / f"subtask{index}"
-                folder.mkdir(parents=True)
-                line = {
-                    "checkpoint": "last",
-                    "mode": "deterministic",
-                    "episodes": 20,
-                    "seed": seed,
-                    "minutes": 2,
-                }
-                line |= {
-                    "progress": success,
-                    "success": success,
-                    "env_steps": 1e6,
-                    f"subtask_{index}": success,
-                }
-                line |= {"success_low": 0.0, "success_high": 1.0}
-                pd.DataFrame([line]).to_csv(folder / "evaluation.csv", index=False)
-                (folder / "config.yaml").write_text(
-                    yaml.safe_dump({"subtask": index, "versions": {"commit": "c" * 40}})
-                )
-
-
-def test_a_task_whose_skills_are_not_good_enough_is_named_and_left_out(tmp_path):
-    third = {"third": RUNS["long"]}
-    root = write(tmp_path, {**RUNS, **third})
-    good = [[1.0, 0.9], [1.0, 1.0]]  # .95 on average, which is enough
-    add_skills(root, {"long": good, "third": good, "short": [[1.0, 0.95], [1.0, 0.9]]})
-    experiment = read_experiment(root / "shelf")
-    assert skills_of_tasks(experiment, "base") == {
-        "long": pytest.approx([1.0, 0.95]),
-        "third": pytest.approx([1.0, 0.95]),
-        "short": pytest.approx([1.0, 0.925]),
-    }
-    asked = {"asks": "Does T-STAR help?", "pair": ["tstar", "base"], "runs": 6}
-    contents(root, reference="base", least_skill=0.95, task_questions=[asked], sections=["long"])
-    found = section(root)
-    assert "less than 0.95 from its own starts, mean over seeds: `short` (1.000 0.925)." in found
-    assert "Over all 2 tasks: `long`, `third`." in found
-    # On two tasks T-STAR is ahead on both seeds; two of two signs have a p of .5. All six runs are counted.
-    assert (
-        "| Does T-STAR help? | 1.000 [" in found
-        and "| 2 of 2 (p = 0.500) | **not decided: ahead on 2" in found
-    )
-    assert "| `short` | 1.00 0.93 | 2 | 0.600 | 0.650 |" in found.replace("0.92 |", "0.93 |")
-    page = results_page(root, PAPER, "")
-    assert "### The shelf: long" in page and "### The shelf: short" not in page
-
-
-def test_a_task_question_needs_all_its_values(shelf):
-    contents(shelf, reference="base", task_questions=[{"asks": "Does it?", "pair": ["tstar", "base"]}])
-    with pytest.raises(
-        ValueError, match="needs asks, pair, runs; of 'Does it\\?' these are missing or unknown: runs"
-    ):
-        read_contents(shelf)

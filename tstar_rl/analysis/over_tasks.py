@@ -9,13 +9,25 @@ from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from tstar_rl.analysis.experiments import SEED, Experiment, TaskScores
 from tstar_rl.analysis.tables import config_of
 from tstar_rl.analysis.task_statistics import improvement_over_tasks, interquartile_interval
 from tstar_rl.runs.run_folder import run_path
 
-__all__ = ["arms_with", "lacking_seeds", "lacking_tasks", "skills_of_tasks", "task_sets", "tasks_table"]
+__all__ = [
+    "arms_with",
+    "lacking_seeds",
+    "lacking_tasks",
+    "paired_scores",
+    "skills_of_tasks",
+    "task_sets",
+    "tasks_table",
+]
+
+PairedScores = tuple[list[list[NDArray[np.floating]]], list[list[NDArray[np.floating]]]]
+"""Of either arm: by task and seed, the progress of every episode."""
 
 
 def arms_with(scores: TaskScores, tasks: Sequence[str]) -> list[str]:
@@ -80,18 +92,27 @@ def tasks_table(scores: TaskScores, tasks: Sequence[str], reference: str) -> pd.
     return pd.DataFrame.from_dict(lines, orient="index").rename_axis("arm")
 
 
+def paired_scores(scores: TaskScores, tasks: Sequence[str], first: str, second: str) -> PairedScores | None:
+    """Scores of two arms on the seeds that both have, for each task; None if they share no seed of one of the tasks."""
+    found: PairedScores = ([], [])
+    for task in tasks:
+        one, other = (scores[task].get(arm, {}) for arm in (first, second))
+        seeds = sorted(set(one) & set(other))
+        if not seeds:
+            return None
+        for each, arm in zip(found, (one, other), strict=True):
+            each.append([arm[seed] for seed in seeds])
+    return found
+
+
 def _improvement(
     scores: TaskScores, tasks: Sequence[str], arm: str, reference: str
 ) -> tuple[float, float, float]:
     """Of an arm over the reference, on the seeds that both have of each task; nan if a task has none."""
-    both = [sorted(set(scores[task][arm]) & set(scores[task].get(reference, ()))) for task in tasks]
-    if arm == reference or not all(both):
+    both = paired_scores(scores, tasks, arm, reference)
+    if arm == reference or both is None:
         return math.nan, math.nan, math.nan
-    first, second = (
-        [[scores[task][name][seed] for seed in seeds] for task, seeds in zip(tasks, both, strict=True)]
-        for name in (arm, reference)
-    )
-    return improvement_over_tasks(first, second, np.random.default_rng(SEED))
+    return improvement_over_tasks(*both, np.random.default_rng(SEED))
 
 
 def skills_of_tasks(experiment: Experiment, arm: str) -> dict[str, list[float]]:

@@ -9,6 +9,7 @@ import pandas as pd
 from scipy.stats import binomtest
 
 from tstar_rl.analysis.experiments import SEED, TaskScores
+from tstar_rl.analysis.over_tasks import paired_scores
 from tstar_rl.analysis.task_statistics import improvement_over_tasks
 
 __all__ = ["TaskQuestion", "answer_over_tasks", "compare_over_tasks"]
@@ -52,18 +53,14 @@ def compare_over_tasks(
     """
     lines = []
     for first, second in pairs:
-        both = {
-            task: sorted(set(arms.get(first, {})) & set(arms.get(second, {})))
-            for task, arms in scores.items()
-        }
-        if not tasks or not all(both[task] for task in tasks):
+        pair = paired_scores(scores, tasks, first, second)
+        if not tasks or pair is None:
             continue
-        one, other = (
-            [[scores[task][arm][seed] for seed in both[task]] for task in tasks] for arm in (first, second)
-        )
+        one, other = pair
+        runs = sum(len(set(arms.get(first, {})) & set(arms.get(second, {}))) for arms in scores.values())
         ahead = sum(_mean_of_seeds(a) > _mean_of_seeds(b) for a, b in zip(one, other, strict=True))
         better = improvement_over_tasks(one, other, np.random.default_rng(SEED))
-        line = {"first": first, "second": second, "runs": sum(map(len, both.values())), "tasks": len(tasks)}
+        line = {"first": first, "second": second, "runs": runs, "tasks": len(tasks)}
         line |= {"ahead": ahead, "p_value": float(binomtest(ahead, len(tasks)).pvalue)}
         ends = {"improvement_low": better.low, "improvement_high": better.high}
         lines.append({**line, "improvement": better.value, **ends})

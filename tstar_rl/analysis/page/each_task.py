@@ -5,7 +5,7 @@ import pandas as pd
 from tstar_rl.analysis.experiments import Experiment, hand_over_gaps
 from tstar_rl.analysis.over_tasks import skills_of_tasks
 from tstar_rl.analysis.page.contents import Entry
-from tstar_rl.analysis.page.markdown import NOTHING, Paper, arm_label, arm_order, table
+from tstar_rl.analysis.page.markdown import NOTHING, Paper, arm_label, arm_order, from_to, table
 from tstar_rl.runs.run_folder import UNTRAINED
 
 __all__ = ["each_task"]
@@ -38,5 +38,4 @@ def _mean(values: pd.Series) -> str:
 def _seeds(rows: pd.DataFrame) -> str:
     """How many seeds the arms have, the fewest and the most."""
     counts = rows.groupby("arm")["seed"].nunique()
-    low, high = int(counts.min()), int(counts.max())
-    return str(low) if low == high else f"{low} to {high}"
+    return from_to(int(counts.min()), int(counts.max()))

@@ -10,6 +10,7 @@ __all__ = [
     "anchor",
     "arm_label",
     "arm_order",
+    "from_to",
     "interval",
     "labels",
     "over_seeds",
@@ -60,6 +61,11 @@ def share(values: pd.Series) -> str:
 def interval(value: float, low: float, high: float) -> str:
     """A share with its 95% interval."""
     return f"{value:.3f} [{low:.2f}, {high:.2f}]"
+
+
+def from_to(low: int, high: int) -> str:
+    """The fewest and the most, or the one number that they are."""
+    return str(low) if low == high else f"{low} to {high}"
 
 
 def signed_interval(value: float, low: float, high: float) -> str:

@@ -16,7 +16,16 @@ from tstar_rl.analysis.over_tasks import (
 )
 from tstar_rl.analysis.page.contents import FILE, Entry
 from tstar_rl.analysis.page.each_task import each_task
-from tstar_rl.analysis.page.markdown import NOTHING, Paper, arm_label, arm_order, interval, picture, table
+from tstar_rl.analysis.page.markdown import (
+    NOTHING,
+    Paper,
+    arm_label,
+    arm_order,
+    from_to,
+    interval,
+    picture,
+    table,
+)
 from tstar_rl.analysis.task_questions import answer_over_tasks, compare_over_tasks
 
 __all__ = ["draw_over_tasks", "over_tasks", "short_over_tasks"]
@@ -155,7 +164,7 @@ def _table(scores: TaskScores, tasks: Sequence[str], paper: Paper, reference: st
     for arm in arm_order(paper, map(str, found.index)):
         row = found.loc[arm]
         low, high = int(row["seeds_low"]), int(row["seeds_high"])
-        line = [arm_label(paper, arm), str(len(tasks)), str(low) if low == high else f"{low} to {high}"]
+        line = [arm_label(paper, arm), str(len(tasks)), from_to(low, high)]
         for name in ("progress", "success", "improvement"):
             value = [float(row[f"{name}{end}"]) for end in ("", "_low", "_high")]
             line.append(NOTHING if math.isnan(value[0]) else interval(*value))
