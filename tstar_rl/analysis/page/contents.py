@@ -52,8 +52,8 @@ class Entry:
         return f"{self.folder.name}_"
 
     def intro(self) -> str:
-        """Its README.md: a title, and what was done."""
-        return (self.folder / "README.md").read_text().strip()
+        """Its README.md: a title, and what was done; links are those of a page in docs/."""
+        return (self.folder / "README.md").read_text().strip().replace("](../../../docs/", "](")
 
     @property
     def title(self) -> str:

@@ -28,7 +28,7 @@ __all__ = ["answers", "arms", "commits", "comparison_table", "comparisons", "dra
 
 ARMS = "Every seed is a dot, with interquartile mean and 95% interval; right: the share of seeds above a progress."
 PAIRS = "Differences in progress on the same seed."
-STARRED = "\n\\* Gap to the skills before fine-tuning: the arm's own skills were not tried alone.\n"
+STARRED = "\n\\* Gap to the skills before fine-tuning: the fine-tuned skills were not tried alone.\n"
 
 
 def ordered(experiment: Experiment, paper: Paper, task: str, mode: str = "deterministic") -> pd.DataFrame:
