@@ -71,7 +71,8 @@ def main(config: DictConfig) -> None:
             raise
         print("The time is over; the same command goes on.")
     if config.publish:
-        print("\n".join(map(str, publish(f"results/{declared.name}", f"results/published/{declared.name}"))))
+        results = step_config(lanes[0][0]).results_dir
+        print("\n".join(map(str, publish(results, f"results/published/{declared.name}"))))
 
 
 if __name__ == "__main__":

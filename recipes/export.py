@@ -101,7 +101,7 @@ def _episodes(config: DictConfig) -> Recording:
     folders = [path] if is_checkpoint(path) else chain_folders(path)
     if not folders:
         raise MissingFileError(f"no skill and no chain at {path}")
-    skills = [load_skill(folder, task=config.task.name) for folder in folders]
+    skills = [load_skill(folder, task=config.task.name).to(config.device) for folder in folders]
     subtask = None if len(skills) > 1 else skills[0].subtask
     policy = skills[0].policy if len(skills) == 1 else ChainPolicy(skills)
     seed = derive_seed(config.seed, "export", list(MODES).index(config.mode), subtask)

@@ -17,7 +17,7 @@ from tstar_rl.spirl.figures import draw_latents, evenly_spread_rows, play_latent
 @recipe("plot_latents", checkpoint=str, states=int, draws=int)
 def main(config: DictConfig) -> None:
     """Plays the latents, writes the paths of the grip and draws them."""
-    place = (config.task.name, "spirl", config.seed, config.subtask)
+    place = (config.task.name, config.system, config.seed, config.subtask)
     agent = SpirlAgent.load(run_path(config.runs_dir, *place) / config.checkpoint, task=config.task.name)
     agent.to(config.device)
     expert = load_demonstrations(config, config.subtask)
@@ -27,6 +27,7 @@ def main(config: DictConfig) -> None:
     env = environment(config, config.subtask, config.states * config.draws, seed)
     paths = play_latents(agent, env, expert, rows)
     results = run_path(config.results_dir, *place)
+    results.mkdir(parents=True, exist_ok=True)
     paths.to_csv(results / "latents.csv", index=False)
     print(draw_latents(paths, results / "latents.png"))
 

@@ -61,6 +61,7 @@ RANGES = {
     "not_negative": ("not negative", lambda value: 0 <= value < math.inf),
     "share": ("in [0, 1]", lambda value: 0 <= value <= 1),
     "positive_share": ("in (0, 1]", lambda value: 0 < value <= 1),
+    "finite": ("a finite number", math.isfinite),
     "limit": ("positive (.inf: no limit)", lambda value: value > 0),
 }
 """Of each kind of number, what a message calls it and whether a value is one. NaN is none."""

@@ -83,3 +83,8 @@ def test_only_one_of_the_two_recipes_learns_from_rewards(asked, tmp_path, recipe
     for index, expert, _, cloned in turns:
         trained = chain[index].policy(TensorDict({"observation": expert.observations}, []))["loc"]
         assert torch.equal(trained, cloned) != learns
+
+
+def test_a_gate_does_not_go_with_clones_made_in_a_turn(asked):
+    with pytest.raises(ValueError, match=r"set chain\.gate=false"):
+        asked("in_order", "chain.gate=true", "chain.trial_episodes=4")

@@ -77,6 +77,7 @@ def test_a_task_may_have_more_seeds():
     # Arms without seeds of their own have every seed of the task; gaussian has seed 8 alone.
     assert [arm.name for arm in experiment.arms_of(9)] == ["no_finetuning", "tstar", "paid"]
     assert experiment.lanes([1], ["table_lack"]) == [("table_lack", 1)]  # no seed of the experiment: it tunes
+    assert [arm.name for arm in experiment.arms_of(1)] == ["no_finetuning", "tstar", "paid"]
     with pytest.raises(ValueError, match="experiment small has none of seeds 9 on table_lack"):
         experiment.lanes([9], ["table_lack"])
 
@@ -97,6 +98,10 @@ def test_a_task_may_have_other_seeds_than_the_rest():
             {"arms": [{"name": "a", "recipe": "policy_sequencing", "bonus_of": "b"}]},
             "a has the bonus of b; seed 7 has a",
         ),
+        (
+            {"arms": [{"name": "a", "recipe": "policy_sequencing", "bonus_of": "a"}]},
+            "a has the bonus of a, which is paid another's itself",
+        ),
     ],
 )
 def test_what_is_no_experiment_is_refused(change, message):
@@ -107,7 +112,9 @@ def test_what_is_no_experiment_is_refused(change, message):
 def test_a_bonus_is_known_once_its_arm_is_trained(tmp_path):
     step = ("policy_sequencing", "system=paid", "bonus_of=tstar")
     assert without_bonus(step) == step[:2]
-    with pytest.raises(FileNotFoundError):
+    with pytest.raises(
+        FileNotFoundError, match=r"train it first \(python recipes/tstar.py task=table_lack seed=7\)"
+    ):
         with_bonus(step, tmp_path, "table_lack", 7)
     folder = tmp_path / "table_lack/tstar/seed7"
     folder.mkdir(parents=True)
@@ -115,6 +122,8 @@ def test_a_bonus_is_known_once_its_arm_is_trained(tmp_path):
     pd.DataFrame(rows).to_csv(folder / "metrics.csv", index=False)
     # Ten successes of .2 and fifteen of .4: a mean of 8 / 25.
     assert with_bonus(step, tmp_path, "table_lack", 7) == (*step[:2], "bonus=0.32")
+    pd.DataFrame({"episodes": [10], "success_rate": [0.0]}).to_csv(folder / "metrics.csv", index=False)
+    assert with_bonus(step, tmp_path, "table_lack", 7) == (*step[:2], "bonus=0.0")
 
 
 def test_finished_runs_are_published_and_others_are_not(tmp_path):

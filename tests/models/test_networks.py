@@ -42,6 +42,7 @@ def test_deviations_are_widened_to_those_of_other_states():
     torch.testing.assert_close(normalizer.scale, torch.tensor([0.3, 1.0]))
     torch.testing.assert_close(normalizer.loc, torch.tensor([0.001, 0.0]))
     assert normalizer.widen(torch.zeros(0, 2)) == 0
+    assert normalizer.widen(torch.zeros(0, 0)) == 0  # the path of a skill that nothing came to
 
 
 def test_running_statistics_equal_those_of_all_rows():

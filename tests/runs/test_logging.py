@@ -45,6 +45,14 @@ def test_evaluation_rows_replace_those_of_the_same_key(tmp_path):
     assert sorted(table.success) == [0.2, 0.3] and sorted(pd.read_csv(path).success) == [0.2, 0.3]
 
 
+def test_a_key_of_numbers_and_words_is_the_same_after_it_was_read_back(tmp_path):
+    path, key = tmp_path / "parity.csv", ("subtask",)
+    for success in (0.1, 0.2):
+        for subtask in (0, "whole"):
+            table = append_rows(path, [{"subtask": subtask, "success": success}], key)
+    assert list(table.success) == [0.2, 0.2] and len(pd.read_csv(path)) == 2
+
+
 def test_a_column_added_by_a_process_that_is_killed_loses_nothing(tmp_path, monkeypatch):
     log = MetricsLog(tmp_path / "log.csv")
     log.append({"a": 1})

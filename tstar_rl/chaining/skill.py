@@ -75,7 +75,7 @@ class Skill:
         task: furniture.
         subtask: 0-based; None for one policy of the whole task.
         settings: sizes of the networks.
-        features: geometry of the subtask (`env.furniture_env.subtask_geometry`), if the settings ask for features.
+        features: geometry of the subtask (`env.task_tables.subtask_geometry`), if the settings ask for features.
         capacity: of each set.
         obs_dim: numbers in an observation of the task; the default is that of furniture of five parts.
 

@@ -78,7 +78,7 @@ class TurnUpdates(Training):
         self, name: str, skill: Skill, settings: DiscriminatorSettings, **labels: float
     ) -> DiscriminatorUpdate:
         """See `Training`; where a chain carries over, that of the skill's last turn goes on."""
-        known = self.kept.get(f"update_{name}")
+        known = self._known(name, skill)
         return known or self._keep(
             f"update_{name}", super().discriminator_update(name, skill, settings, **labels)
         )
@@ -87,12 +87,25 @@ class TurnUpdates(Training):
         self, name: str, skill: Skill, distance: Distance, settings: LabelledSettings
     ) -> LabelledUpdate:
         """See `Training`; where a chain carries over, that of the skill's last turn goes on."""
-        known = self.kept.get(f"update_{name}")
+        known = self._known(name, skill)
         return known or self._keep(f"update_{name}", super().labelled_update(name, skill, distance, settings))
 
     def policy_update(self) -> PolicyUpdate:
         """See `Training`; where a chain carries over, that of the skill's last turn goes on."""
         return self.kept.get("update_policy") or self._keep("update_policy", super().policy_update())
+
+    def _known(self, name: str, skill: Skill) -> Any:
+        """The update of a name that is there already, or None.
+
+        Raises:
+            InvalidValueError: if it is that of another skill's network.
+        """
+        known = self.kept.get(f"update_{name}")
+        if known is not None and known.loss.network is not skill.network(name):
+            raise InvalidValueError(
+                f"a turn has one update of {name}, and it is of another skill than {skill.subtask}"
+            )
+        return known
 
     def _keep(self, name: str, made: Any) -> Any:
         self.kept[name] = made
@@ -120,13 +133,15 @@ class TurnUpdates(Training):
             cloning: how.
 
         Raises:
-            InvalidValueError: for another share.
+            InvalidValueError: for another share, or if a gate judges the turn.
             RuntimeError: if the expert fails too often from there.
 
         Source: Ross et al. 2011, DAgger: demonstrations from the states that the learner gets into.
         """
         if not 0.0 <= share <= 1.0:
             raise InvalidValueError(f"the share of demonstrations from ends must be in [0, 1], got {share}")
+        if self.chain.gate.settings.rejects:
+            raise InvalidValueError("a gate does not put back what is cloned in a turn: set chain.gate=false")
         number = round(share * len(self.expert))
         if self.previous is None or not number or not len(self.previous.termination_set):
             return

@@ -83,9 +83,11 @@ def imports_not_collected() -> Iterator[None]:
     Python would look through them again and again, for a fifth of the time that they take to import.
     """
     gc.disable()
-    yield
-    gc.freeze()
-    gc.enable()
+    try:
+        yield
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 def plain(config: DictConfig) -> dict[str, Any]:

@@ -89,7 +89,7 @@ class TrainingSection:
 
 @dataclass(frozen=True)
 class CollectionSection:
-    """Where rollouts come from: see `backends`."""
+    """Where rollouts come from: see `config.build.make_collection`."""
 
     backend: str
     workers: int

@@ -42,19 +42,22 @@ def collect(
     pieces: list[TensorDictBase] = []
     seeds: list[int] = []
     env = make_env(seed)
-    for round_ in range(max_rounds):
-        env.set_seed(seed + round_)
-        torch_generator = torch.Generator().manual_seed(seed + round_)
-        found = _successes(env, noise if kind == "noisy" else 0.0, torch_generator, each_step)
-        pieces += found
-        seeds += [seed + round_] * len(found)
-        if len(pieces) >= episodes:
-            break
-    else:
-        raise RuntimeError(f"only {len(pieces)} successes of {episodes} wanted in {max_rounds} rounds")
+    try:
+        for round_ in range(max_rounds):
+            env.set_seed(seed + round_)
+            torch_generator = torch.Generator().manual_seed(seed + round_)
+            found = _successes(env, noise if kind == "noisy" else 0.0, torch_generator, each_step)
+            pieces += found
+            seeds += [seed + round_] * len(found)
+            if len(pieces) >= episodes:
+                break
+        else:
+            raise RuntimeError(f"only {len(pieces)} successes of {episodes} wanted in {max_rounds} rounds")
+    finally:
+        env.close()
     pieces, seeds = pieces[:episodes], seeds[:episodes]
-    rows, base = torch.cat(pieces).cpu(), env.base_env
-    arguments = base.arguments
+    rows = torch.cat(pieces).cpu()
+    arguments = env.base_env.arguments
     return Demonstrations(
         task=arguments["task"],
         subtask=arguments["subtask"],

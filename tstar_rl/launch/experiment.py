@@ -105,7 +105,7 @@ class DeclaredExperiment:
 
     def arms_of(self, seed: int) -> list[Arm]:
         """The arms that a seed has, an arm after that whose bonus it needs."""
-        chosen = [arm for arm in self.arms if seed in (self.every_seed if arm.seeds is None else arm.seeds)]
+        chosen = [arm for arm in self.arms if arm.seeds is None or seed in arm.seeds]
         return sorted(chosen, key=lambda arm: arm.bonus_of is not None)
 
     def steps(self, subtasks: int, seed: int, only: Container[str] | None = None) -> list[Step]:
@@ -150,7 +150,12 @@ def parse_experiment(values: Mapping[str, Any]) -> DeclaredExperiment:
             f"experiment.seeds_by_task names {', '.join(unknown)}; tasks are {', '.join(plain['tasks'])}"
         )
     experiment = DeclaredExperiment(**{**plain, "arms": tuple(arms)})
+    paid = [arm.name for arm in arms if arm.bonus_of is not None]
     for arm in arms:
+        if arm.bonus_of in paid:
+            raise InvalidValueError(
+                f"experiment.arms: {arm.name} has the bonus of {arm.bonus_of}, which is paid another's itself"
+            )
         for seed in experiment.every_seed if arm.seeds is None else arm.seeds:
             there = [each.name for each in experiment.arms_of(seed)]
             if arm.bonus_of is not None and arm.bonus_of not in there:
@@ -177,7 +182,7 @@ def with_bonus(step: Step, results: str | Path, task: str, seed: int) -> Step:
     """A step in which the bonus of another arm is a number, once that arm has been trained.
 
     Raises:
-        FileNotFoundError: if it has not.
+        MissingFileError: if it has not.
     """
     values = []
     for value in step:

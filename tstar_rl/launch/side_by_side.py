@@ -6,12 +6,14 @@ import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from queue import SimpleQueue
 
 import pandas as pd
 
-__all__ = ["Step", "mean_bonus", "run_recipe", "run_side_by_side"]
+from tstar_rl.checks import MissingFileError, UserError
+from tstar_rl.runs.run_folder import RECIPES, made_by
 
-RECIPES = Path(__file__).resolve().parents[2] / "recipes"
+__all__ = ["Step", "mean_bonus", "run_recipe", "run_side_by_side"]
 
 Step = tuple[str, ...]
 """A recipe and its values."""
@@ -51,13 +53,19 @@ def run_side_by_side(
     Raises:
         SystemExit: at the end, if a step has failed, with the commands that did.
     """
+    lines: SimpleQueue[int] = SimpleQueue()
+    for line in range(processes):
+        lines.put(line)
 
     def follow(lane: int) -> str | None:
+        line = lines.get()
         try:
             for step in lanes[lane]:
-                (run or run_recipe)(step, shared, lane % processes)
-        except SystemExit as failure:
+                (run or run_recipe)(step, shared, line)
+        except (SystemExit, UserError) as failure:
             return str(failure)
+        finally:
+            lines.put(line)
         return None
 
     with ThreadPoolExecutor(processes) as pool:
@@ -75,8 +83,16 @@ def mean_bonus(metrics: str | Path) -> float:
 
     Returns:
         In [0, 1], rounded to four digits; 0 if nothing was paid.
+
+    Raises:
+        MissingFileError: if the run has not begun, with the recipe that it is of.
     """
-    paid = pd.read_csv(metrics).dropna(subset=["tsr_on_success"])
+    if not Path(metrics).is_file():
+        raise MissingFileError(f"no {metrics}{made_by(metrics)}")
+    table = pd.read_csv(metrics)
+    if "tsr_on_success" not in table:
+        return 0.0
+    paid = table.dropna(subset=["tsr_on_success"])
     successes = paid["episodes"] * paid["success_rate"]
     if not successes.sum():
         return 0.0

@@ -88,9 +88,9 @@ class Normalizer(nn.Module):
         The networks behind see the same as before of every input that varied more than that when it was fitted. Without
         any observations nothing is changed.
         """
-        rows = obs.reshape(-1, obs.shape[-1]).to(self.loc)
-        if not len(rows):
+        if not obs.numel():
             return 0
+        rows = obs.reshape(-1, obs.shape[-1]).to(self.loc)
         found = (rows - self.loc).square().mean(0).sqrt()
         wider = int((found > self.scale).sum())
         self.scale.copy_(torch.maximum(self.scale, found))

@@ -1,10 +1,13 @@
 """CSV tables that outlive a process killed at any moment: rows are added at the end, anything else is done at once."""
 
 from collections.abc import Mapping
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from tstar_rl.checks import UserError
 from tstar_rl.runs.files import append_text, replacing, turn_to_write
@@ -79,10 +82,20 @@ def append_rows(path: str | Path, rows: list[dict[str, Any]], key: tuple[str, ..
     with turn_to_write(path.parent):
         if path.is_file():
             old = pd.read_csv(path)
-            same = old.set_index(list(key)).index.isin(new.set_index(list(key)).index)
+            same = _have_key_of(old, new, key)
             new = pd.concat([old[~same], new], ignore_index=True) if not same.all() else new
         _replace(path, new.to_csv(index=False))
     return new
+
+
+def _have_key_of(old: pd.DataFrame, new: pd.DataFrame, key: tuple[str, ...]) -> NDArray[np.bool_]:
+    """(rows of old,) which of them have the key of a new row, once both are read from one file.
+
+    There 0 beside "whole" is "0", and 1 beside 0.5 is 1.0.
+    """
+    text = pd.concat([old[list(key)], new[list(key)]]).to_csv(index=False)
+    both = pd.MultiIndex.from_frame(pd.read_csv(StringIO(text)))
+    return both[: len(old)].isin(both[len(old) :])
 
 
 def _replace(path: Path, text: str) -> None:

@@ -157,7 +157,7 @@ class Run:
             self.rated += 1
             self.recent["success_rate"] += (success - self.recent["success_rate"]) / min(self.rated, WINDOW)
         if not math.isnan(completed):
-            self.recent["completed"] += 0.2 * (completed - self.recent["completed"])
+            self.recent["completed"] += (completed - self.recent["completed"]) / WINDOW
         measured = row.get("trial_progress" if self.trials else "completed", math.nan)
         judged = measured if self.trials else self.recent["completed"]
         self.improved = not math.isnan(measured) and judged >= self.best

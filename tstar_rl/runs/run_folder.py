@@ -13,10 +13,22 @@ import yaml
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.runs.files import replacing, turn_to_write
 
-__all__ = ["UNTRAINED", "Place", "made_by", "note_evaluation", "read_run_path", "run_path", "write_config"]
+__all__ = [
+    "RECIPES",
+    "UNTRAINED",
+    "Place",
+    "made_by",
+    "note_evaluation",
+    "read_run_path",
+    "run_path",
+    "write_config",
+]
 
 UNTRAINED = "no_finetuning"
 """The system of a chain whose skills are as they were trained alone: there is no recipe, and no run, of that name."""
+
+RECIPES = Path(__file__).resolve().parents[2] / "recipes"
+"""Of a clone; where the package is installed there is no such folder."""
 
 CODE = ("*.py", "configs", "envs", "pyproject.toml")
 """What decides a run's figures, from the repository's root: a change there is recorded."""
@@ -60,7 +72,9 @@ def made_by(path: str | Path) -> str:
         return ""
     task, system, seed, subtask = found.groups()
     part = "" if subtask is None else f" subtask={subtask}"
-    return f": train it first (python recipes/{system}.py task={task}{part} seed={seed})"
+    if (RECIPES / f"{system}.py").is_file():
+        return f": train it first (python recipes/{system}.py task={task}{part} seed={seed})"
+    return f": train system={system} of task={task}{part} seed={seed} first"
 
 
 def write_config(folder: Path, config: Mapping[str, Any]) -> None:

@@ -39,8 +39,8 @@ class TerminalStateReward(RewardTransform):
         d_omega: of the *next* skill, (..., O) -> (..., 1), raw. Only read.
         score: "terminal" scores the state reached, s_T, which the next skill starts from (the paper);
             "before" the state in which the last action was taken.
-        baseline: "none" (the paper), or "running_mean" to subtract the mean score of past successes, so that only what
-            tells one success from another is paid, not success itself.
+        baseline: "none" (the paper), or "running_mean" to subtract the mean score of the successes so far, these
+            included, so that only what tells one success from another is paid, not success itself.
         momentum: weight of one success in the running mean.
 
     Raises:

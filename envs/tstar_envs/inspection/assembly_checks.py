@@ -143,7 +143,7 @@ def _values(workshop: Workshop, k: int) -> Found:
             False,
             "contact_impedance",
             f"{step.moving_part} of {1000 * masses[moving]:.0f} g carries {1000 * sum(masses.values()):.0f} g in "
-            f"steps[{k}]: MuJoCo's own is too soft for that, see chair_ingolf.yaml",
+            f"steps[{k}]: MuJoCo's own is too soft for that, see docs/furniture.md",
         )
     if step.insertion > 0 and step.clearance < 0.006:
         yield (

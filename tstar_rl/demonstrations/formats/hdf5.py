@@ -96,7 +96,7 @@ def _fill_demo(demo: Any, episode: Episode, layout: StateLayout) -> None:
         "final_state": states[-1],
     }
     if episode.labels is not None:
-        arrays["expert_actions"] = episode.labels.numpy()
+        arrays["expert_actions"] = episode.labels.cpu().numpy()
     for name, array in arrays.items():
         demo.create_dataset(name, data=array, **STORED)
     demo.attrs["num_samples"] = len(episode)
