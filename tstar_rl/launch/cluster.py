@@ -5,8 +5,9 @@ import runpy
 import sys
 from collections.abc import Sequence
 
-from tstar_rl.launch.side_by_side import RECIPES, Step
+from tstar_rl.launch.side_by_side import Step
 from tstar_rl.rollouts.cluster import RETRIES, ClusterSettings, connect, resources
+from tstar_rl.runs.run_folder import RECIPES
 
 __all__ = ["run_on_cluster"]
 
