@@ -152,11 +152,20 @@ def test_without_a_try_of_the_skills_there_is_no_gap(tmp_path):
     assert hand_over_gaps(read_experiment(tmp_path), "table")["gap"].isna().all()
 
 
+@pytest.mark.parametrize("commit", ["a" * 40 + "-dirty", "unknown", "a" * 40 + "+" + "b" * 40])
+def test_arms_whose_code_no_commit_has_are_refused(tmp_path, commit):
+    for arm in ("gaussian", "tstar"):
+        write(tmp_path, arm, 0, [1.0, 0.5], commit=commit)
+    assert len(read_experiment(tmp_path).commits()) == 1
+    with pytest.raises(ValueError, match="must come from one commit"):
+        read_experiment(tmp_path, one_commit=True)
+
+
 @pytest.mark.parametrize("commit", ["b" * 40, None])
 def test_arms_of_several_commits_are_refused(root, commit):
     write(root, "gaussian", 0, [1.0, 0.5], commit=commit)
     assert len(read_experiment(root).commits()) == 2
-    named = "bbbbbbb: table/gaussian/seed0" if commit else "-: table/gaussian/seed0"
+    named = "bbbbbbb: table/gaussian/seed0" if commit else "unknown: table/gaussian/seed0"
     with pytest.raises(ValueError, match=f"must come from one commit, got aaaaaaa: .*; {named}"):
         read_experiment(root, one_commit=True)
 

@@ -8,7 +8,8 @@ import pytest
 import torch
 import yaml
 
-from tstar_rl.runs import run_folder
+from tstar_rl.analysis.tables import commit_of, short_commit
+from tstar_rl.runs import versions
 from tstar_rl.runs.csv_tables import MetricsLog, append_rows
 from tstar_rl.runs.run import Run
 from tstar_rl.runs.run_folder import Place, note_evaluation, read_run_path, run_path
@@ -103,12 +104,39 @@ def test_the_config_of_a_training_stays_and_that_of_an_evaluation_follows_the_ne
         assert noted["seed"] == seed and noted["evaluation_only"] and noted["versions"] == trained["versions"]
 
 
+def test_a_run_that_goes_on_or_is_evaluated_with_other_code_says_so(tmp_path, monkeypatch):
+    def at(commit, env_steps=0):
+        monkeypatch.setattr(versions, "commit", lambda: commit)
+        run = a_run(tmp_path)
+        assert run.start() == env_steps
+        return run
+
+    run = at("a" * 40)
+    assert commit_of(run.results) == "a" * 40
+    run.log(10, success_rate=1.0, completed=1.0)
+    run.save_if_due(1)
+    run.finish()
+    for _ in range(2):  # said once
+        again = at("b" * 40, 10)
+        again.finish()
+    kept = yaml.safe_load((run.results / "config.yaml").read_text())
+    assert kept["versions"]["commit"] == "a" * 40 and kept["seed"] == 0
+    (line,) = kept["later"]
+    assert (line["what"], line["env_steps"], line["versions"]["commit"]) == ("resumed", 10, "b" * 40)
+    monkeypatch.setattr(versions, "commit", lambda: "a" * 40)
+    note_evaluation(run.results, {})  # as it began: nothing to say
+    monkeypatch.setattr(versions, "commit", lambda: "c" * 40 + "-dirty")
+    note_evaluation(run.results, {})
+    assert commit_of(run.results) == "+".join(("a" * 40, "b" * 40, "c" * 40 + "-dirty"))
+    assert short_commit(commit_of(run.results)) == "aaaaaaa+bbbbbbb+ccccccc-dirty"
+
+
 def test_the_commit_is_that_of_the_code_wherever_a_run_is_started(tmp_path, monkeypatch):
-    here = run_folder._versions()["commit"]
+    here = versions.versions()["commit"]
     monkeypatch.chdir(tmp_path)
-    assert run_folder._versions()["commit"] == here
+    assert versions.versions()["commit"] == here
     monkeypatch.setenv("PATH", str(tmp_path))  # no git
-    assert run_folder._versions()["commit"] == "unknown"
+    assert versions.versions()["commit"] == "unknown"
 
 
 def test_the_best_turn_of_a_chain_is_told_by_its_trials(tmp_path):

@@ -10,7 +10,7 @@ import pytest
 import torch
 from saved_run import a_run, a_run_that_saved, contents
 
-from tstar_rl.runs import checkpoint, lock, run_folder
+from tstar_rl.runs import checkpoint, lock, versions
 from tstar_rl.runs.csv_tables import LogError
 from tstar_rl.runs.lock import RunInUseError
 
@@ -111,20 +111,20 @@ def test_another_config_stops_a_run_that_resumes_and_leaves_it_finished(tmp_path
 def test_a_commit_says_whether_the_code_differs_from_it(tmp_path, monkeypatch):
     package = tmp_path / "tstar_rl" / "runs"
     package.mkdir(parents=True)
-    (package / "run_folder.py").write_text("")
-    monkeypatch.setattr(run_folder, "__file__", str(package / "run_folder.py"))
+    (package / "versions.py").write_text("")
+    monkeypatch.setattr(versions, "__file__", str(package / "versions.py"))
 
     def git(*command: str) -> None:
         who = ["-c", "user.name=a", "-c", "user.email=a@b", "-c", "commit.gpgsign=false"]
         subprocess.run(["git", "-C", str(tmp_path), *who, *command], check=True, capture_output=True)
 
     git("init")
-    assert run_folder._commit() == ""  # a repository around an installed package says nothing of it
+    assert versions.commit() == ""  # a repository around an installed package says nothing of it
     git("add", ".")
     git("commit", "-m", "first")
-    clean = run_folder._commit()
+    clean = versions.commit()
     assert len(clean) == 40
     (tmp_path / "notes.txt").write_text("decides nothing")
-    assert run_folder._commit() == clean
+    assert versions.commit() == clean
     (tmp_path / "new.py").write_text("")
-    assert run_folder._commit() == f"{clean}-dirty"
+    assert versions.commit() == f"{clean}-dirty"

@@ -14,7 +14,14 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from tstar_rl.analysis.statistics import improvement_interval, paired_difference
-from tstar_rl.analysis.tables import UNKNOWN, config_of, episode_progress, read_evaluations, read_hand_over
+from tstar_rl.analysis.tables import (
+    config_of,
+    episode_progress,
+    is_one_commit,
+    read_evaluations,
+    read_hand_over,
+    short_commit,
+)
 from tstar_rl.analysis.task_statistics import interquartile_interval
 from tstar_rl.runs.run_folder import run_path
 
@@ -64,17 +71,17 @@ class Experiment:
         return {task: arm_scores(self.chosen(task, checkpoint, mode)) for task in self.tasks}
 
     def commits(self) -> dict[str, list[str]]:
-        """The runs of each commit, as task/arm/seed<k>; "-" for those that name none."""
+        """The runs of each commit, as task/arm/seed<k>; see `commit_of`."""
         found: dict[str, list[str]] = {}
         for row in self.arms.drop_duplicates(["task", "arm", "seed"]).itertuples():
             found.setdefault(str(row.commit), []).append(f"{row.task}/{row.arm}/seed{row.seed}")
         return found
 
     def check_one_commit(self) -> None:
-        """Raises ValueError, with the runs of each commit, unless all arms come from one."""
+        """Raises ValueError, with the runs of each commit, unless all arms come from one, with nothing changed."""
         found = self.commits()
-        if len(found) > 1 or UNKNOWN in found:
-            lines = "; ".join(f"{commit[:7]}: {', '.join(runs)}" for commit, runs in found.items())
+        if len(found) > 1 or not all(map(is_one_commit, found)):
+            lines = "; ".join(f"{short_commit(commit)}: {', '.join(runs)}" for commit, runs in found.items())
             raise ValueError(f"{self.root}: all arms of an experiment must come from one commit, got {lines}")
 
 

@@ -13,22 +13,23 @@ import yaml
 from numpy.typing import NDArray
 
 from tstar_rl.runs.run_folder import read_run_path
+from tstar_rl.runs.versions import DIRTY, UNKNOWN
 
 __all__ = [
     "commit_of",
     "config_of",
     "episode_progress",
     "evaluation_table",
+    "is_one_commit",
     "read_calibration",
     "read_evaluations",
     "read_hand_over",
     "read_metrics",
+    "short_commit",
     "whole_task",
 ]
 
 LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # libyaml, where it is there, reads ten times faster
-UNKNOWN = "-"
-"""The commit of a run that says none."""
 
 
 def read_metrics(root: str | Path = "results") -> pd.DataFrame:
@@ -97,8 +98,25 @@ def config_of(folder: Path) -> dict[str, Any]:
 
 
 def commit_of(folder: Path) -> str:
-    """The commit that a run's config.yaml names, 40 hex digits; "-" where it names none."""
-    return str(config_of(folder).get("versions", {}).get("commit", UNKNOWN))
+    """The commit that a run's config.yaml names, 40 hex digits; "unknown" where it names none.
+
+    "-dirty" follows if the code differed from it. A run that went on, or was evaluated, at another one has both, in
+    their order, with "+" between them.
+    """
+    config = config_of(folder)
+    noted = [config, *config.get("later", [])]
+    return "+".join(dict.fromkeys(str(one.get("versions", {}).get("commit", UNKNOWN)) for one in noted))
+
+
+def is_one_commit(commit: str) -> bool:
+    """Whether a run's commit, as `commit_of` gives it, is one that can be checked out to make the run again."""
+    return commit != UNKNOWN and "+" not in commit and not commit.endswith(DIRTY)
+
+
+def short_commit(commit: str) -> str:
+    """A run's commit, as `commit_of` gives it, with 7 digits of each."""
+    parts = [(one.removesuffix(DIRTY), DIRTY if one.endswith(DIRTY) else "") for one in commit.split("+")]
+    return "+".join(one[:7] + end for one, end in parts)
 
 
 def whole_task(

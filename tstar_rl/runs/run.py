@@ -19,7 +19,7 @@ from tqdm import tqdm
 from tstar_rl.runs import checkpoint, lock
 from tstar_rl.runs.csv_tables import LogError, MetricsLog
 from tstar_rl.runs.files import replacing
-from tstar_rl.runs.run_folder import run_path, write_config
+from tstar_rl.runs.run_folder import note_resumed, run_path, write_config
 
 __all__ = ["MACHINE_ONLY", "Run"]
 
@@ -103,6 +103,7 @@ class Run:
                 checkpoint.load(found, self.components, **self.record)
             except (checkpoint.CheckpointMismatchError, checkpoint.DamagedCheckpointError, LogError) as error:
                 raise type(error)(f"{error} (resume=false starts over)") from error
+            note_resumed(self.results, self.env_steps)
         (self.work / "finished.json").unlink(missing_ok=True)  # until it is done again
         self.bar.update(self.env_steps - self.bar.n)
         self._clock = time.perf_counter()

@@ -1,10 +1,7 @@
 """Where a run lies, which run lies there, and the config.yaml that is kept of it."""
 
 import re
-import subprocess
-import sys
 from collections.abc import Mapping
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,6 +9,7 @@ import yaml
 
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.runs.files import replacing, turn_to_write
+from tstar_rl.runs.versions import versions
 
 __all__ = [
     "RECIPES",
@@ -19,6 +17,7 @@ __all__ = [
     "Place",
     "made_by",
     "note_evaluation",
+    "note_resumed",
     "read_run_path",
     "run_path",
     "write_config",
@@ -29,9 +28,6 @@ UNTRAINED = "no_finetuning"
 
 RECIPES = Path(__file__).resolve().parents[2] / "recipes"
 """Of a clone; where the package is installed there is no such folder."""
-
-CODE = ("*.py", "configs", "envs", "pyproject.toml")
-"""What decides a run's figures, from the repository's root: a change there is recorded."""
 
 
 class Place(NamedTuple):
@@ -79,48 +75,43 @@ def made_by(path: str | Path) -> str:
 
 def write_config(folder: Path, config: Mapping[str, Any]) -> None:
     """Writes config.yaml: plain values, the versions of what they ran on, and the commit."""
-    kept = {**config, "versions": _versions()}
-    with turn_to_write(folder), replacing(folder / "config.yaml") as partial:
-        partial.write_text(yaml.safe_dump(kept, sort_keys=False))
+    with turn_to_write(folder):
+        _replace(folder, {**config, "versions": versions()})
+
+
+def note_resumed(folder: Path, env_steps: int) -> None:
+    """Adds to config.yaml that a run went on with other versions, or at another commit, than it began with.
+
+    Args:
+        folder: of the run's results.
+        env_steps: after which it went on.
+    """
+    _note_later(folder, {"what": "resumed", "env_steps": env_steps})
 
 
 def note_evaluation(folder: Path, config: Mapping[str, Any]) -> None:
     """Writes an evaluation's config.yaml, unless the folder has that of a training, which stays.
 
     `evaluation_only: true` in it tells the two apart. It is for what has no training of its own: skills chained as they
-    are, the script.
+    are, the script. To a training's it adds that it was evaluated with other versions, or at another commit, if so.
     """
     file = folder / "config.yaml"
     if not file.is_file() or yaml.safe_load(file.read_text()).get("evaluation_only"):
         write_config(folder, {**config, "evaluation_only": True})
+    else:
+        _note_later(folder, {"what": "evaluated"})
 
 
-def _versions() -> dict[str, str]:
-    names = ("torch", "torchrl", "tensordict", "mujoco", "tstar-rl")
-    found: dict[str, str] = {"python": sys.version.split()[0]}
-    for name in names:
-        try:
-            found[name] = version(name)
-        except ModuleNotFoundError:
-            found[name] = "not installed"
-    return {**found, "commit": _commit() or "unknown"}
+def _note_later(folder: Path, line: dict[str, Any]) -> None:
+    """Adds a line to `later` in config.yaml, once, if the versions of today are not those that the run began with."""
+    with turn_to_write(folder):
+        file, now = folder / "config.yaml", versions()
+        kept = yaml.safe_load(file.read_text()) if file.is_file() else {}
+        later, line = kept.get("later", []), {**line, "versions": now}
+        if kept.get("versions") != now and line not in later:
+            _replace(folder, {**kept, "later": [*later, line]})
 
 
-def _commit() -> str:
-    """Of the repository that this file is tracked in, "-dirty" at its end if code or configs differ from it.
-
-    Empty without git, or where the package is installed and no clone, also if it lies below another repository.
-    """
-    root, here = Path(__file__).parents[2], Path(__file__).name
-    try:
-        tracked = _git(Path(__file__).parent, "ls-files", "--error-unmatch", here)
-        commit = _git(root, "rev-parse", "HEAD") if tracked else ""
-        dirty = commit and _git(root, "status", "--porcelain", "--", *CODE)
-    except FileNotFoundError:
-        return ""
-    return f"{commit}-dirty" if dirty else commit
-
-
-def _git(folder: Path, *command: str) -> str:
-    done = subprocess.run(["git", "-C", str(folder), *command], capture_output=True, text=True, check=False)
-    return done.stdout.strip() if done.returncode == 0 else ""
+def _replace(folder: Path, values: Mapping[str, Any]) -> None:
+    with replacing(folder / "config.yaml") as partial:
+        partial.write_text(yaml.safe_dump(values, sort_keys=False))

@@ -7,7 +7,7 @@ import pandas as pd
 from tstar_rl.analysis.page.contents import read_contents
 from tstar_rl.analysis.page.markdown import NOTHING, Paper, labels, table
 from tstar_rl.analysis.page.sections import evaluations_of, pick, tasks_of
-from tstar_rl.analysis.tables import UNKNOWN, whole_task
+from tstar_rl.analysis.tables import short_commit, whole_task
 
 __all__ = ["runs_page"]
 
@@ -52,7 +52,6 @@ def _by_seed(evaluations: pd.DataFrame, paper: Paper, task: str) -> str:
                 done = " ".join(f"{run[name]:.2f}" for name in shares if not pd.isna(run[name]))
                 other = f"{sampled[run['seed']]:.3f}" if run["seed"] in sampled else NOTHING
                 row = [label, str(run["seed"]), checkpoint, f"{run['progress']:.3f}", success, done, other]
-                commit = run["commit"] if run["commit"] == UNKNOWN else run["commit"][:7]
-                rows.append([*row, str(run["episodes"]), commit])
+                rows.append([*row, str(run["episodes"]), short_commit(run["commit"])])
     header = ["system", "seed", "checkpoint", "progress", "success [95%]", "by subtask", "sampled: progress"]
     return table([*header, "episodes", "commit"], rows) if rows else ""

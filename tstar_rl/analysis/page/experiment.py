@@ -22,7 +22,7 @@ from tstar_rl.analysis.page.markdown import (
 )
 from tstar_rl.analysis.questions import answer
 from tstar_rl.analysis.statistics import holm
-from tstar_rl.analysis.tables import UNKNOWN
+from tstar_rl.analysis.tables import short_commit
 
 __all__ = ["answers", "arms", "commits", "comparison_table", "comparisons", "draw_experiment", "short_table"]
 
@@ -165,8 +165,8 @@ def comparisons(experiment: Experiment, paper: Paper, entry: Entry, task: str) -
 def commits(experiment: Experiment) -> str:
     """A sentence that names the commits of the arms."""
     found = experiment.commits()
-    if len(found) == 1 and UNKNOWN not in found:
-        return f"All arms come from commit {next(iter(found))[:7]}.\n"
+    if len(found) == 1:
+        return f"All arms come from commit {short_commit(next(iter(found)))}.\n"
     parts = []
     for commit, runs in found.items():
         seeds: dict[str, dict[str, list[str]]] = {}
@@ -174,7 +174,7 @@ def commits(experiment: Experiment) -> str:
             task, arm, seed = run.rsplit("/", 2)
             seeds.setdefault(task, {}).setdefault(arm, []).append(seed.removeprefix("seed"))
         named = "; ".join(f"`{task}`: {_with_seeds(arms)}" for task, arms in seeds.items())
-        parts.append(f"- {'unknown' if commit == UNKNOWN else commit[:7]}: {named}\n")
+        parts.append(f"- {short_commit(commit)}: {named}\n")
     return "The arms come from several commits:\n\n" + "".join(parts)
 
 
