@@ -18,6 +18,7 @@ from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 from torch import nn
 
+from tstar_rl.analysis.tables import config_of
 from tstar_rl.chaining.chain import ChainPolicy, chain_folders
 from tstar_rl.checks import InvalidValueError, MissingFileError
 from tstar_rl.config.build import environment, load_skill
@@ -88,16 +89,19 @@ def _candidates(config: DictConfig, given: Iterable[str]) -> tuple[Path, dict[st
         one = Candidate(chain.to(config.device), None, len(chain.policies), spent)
         return run_folder(config, "results_dir"), {chain.record["checkpoint"]: one}
     results, checkpoints = _places(config, given)
-    return results, {name: _trained(config, folders) for name, folders in checkpoints.items()}
+    begun_with = _begun_with(config, results)
+    return results, {name: _trained(config, begun_with, folders) for name, folders in checkpoints.items()}
 
 
-def _trained(config: DictConfig, folders: list[Path]) -> Candidate:
+def _trained(config: DictConfig, begun_with: str, folders: list[Path]) -> Candidate:
     """One skill, or the chain of the skills in these folders."""
     skills = [load_skill(folder, task=config.task.name) for folder in folders]
     chain = len(skills) > 1
     policy = (ChainPolicy(skills) if chain else skills[0].policy).to(config.device)
     links = len(skills) if chain else None
-    return Candidate(policy, None if chain else skills[0].subtask, links, _spent(config, folders, chain))
+    return Candidate(
+        policy, None if chain else skills[0].subtask, links, _spent(config, begun_with, folders, chain)
+    )
 
 
 def _places(config: DictConfig, given: Iterable[str]) -> tuple[Path, dict[str, list[Path]]]:
@@ -157,7 +161,13 @@ def _skills(place: Path) -> list[Path]:
     return [place] if is_checkpoint(place) else chain_folders(place)
 
 
-def _spent(config: DictConfig, folders: list[Path], chain: bool) -> dict[str, float]:
+def _begun_with(config: DictConfig, results: Path) -> str:
+    """The system whose skills a chain began with: as its training noted, or the one asked for without fine-tuning."""
+    noted = config_of(results)
+    return config.skills if noted.get("evaluation_only") else noted.get("skills", config.skills)
+
+
+def _spent(config: DictConfig, begun_with: str, folders: list[Path], chain: bool) -> dict[str, float]:
     """Environment steps and minutes that went into the skills, training and fine-tuning together.
 
     They are nan where a run has not ended. The best checkpoint cost what the last one did: its whole run was needed to
@@ -166,7 +176,7 @@ def _spent(config: DictConfig, folders: list[Path], chain: bool) -> dict[str, fl
     runs = {folder.parents[1 if folder.name.startswith("skill") else 0] for folder in folders}
     if chain:
         task, seed = config.task.name, config.seed
-        runs |= {run_path(config.runs_dir, task, config.skills, seed, i) for i in range(len(folders))}
+        runs |= {run_path(config.runs_dir, task, begun_with, seed, i) for i in range(len(folders))}
     files = [run / "finished.json" for run in runs]
     if not all(file.is_file() for file in files):
         return dict.fromkeys(SPENT, math.nan)

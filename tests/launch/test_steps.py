@@ -95,6 +95,16 @@ def test_an_evaluation_has_all_modes_and_the_episodes_that_are_asked_for(shared)
     assert not is_done((*EVALUATE, "checkpoints=[best]"), shared)
 
 
+def test_an_evaluation_has_every_checkpoint_that_its_run_has_left(shared):
+    finish(TRAIN, shared, at=1)
+    finish(EVALUATE, shared, at=2)
+    (run,) = steps.evaluated_runs(step_config(EVALUATE, shared))
+    (run / "last").mkdir()
+    assert is_done(EVALUATE, shared)
+    (run / "best").mkdir()  # the table has no row of it
+    assert not is_done(EVALUATE, shared) and is_done((*EVALUATE, "checkpoints=[last]"), shared)
+
+
 def test_demonstrations_are_done_if_every_file_is_there(shared):
     one = ("make_demonstrations", "subtask=0", "kinds=[noisy]")
     finish(one, shared, at=1)

@@ -71,7 +71,7 @@ def test_system_and_seed_are_those_of_the_path(recipe, made, given):
     assert list(found) == ["last"]
     run = made / "runs" / "table_lack" / "tstar" / "seed1"
     assert [folder.resolve() for folder in found["last"]] == [run / one for one in CHAIN]
-    assert recipe._spent(config, found["last"], True) == {"env_steps": 1020, "minutes": 102}
+    assert recipe._spent(config, "gail_ppo", found["last"], True) == {"env_steps": 1020, "minutes": 102}
 
 
 @pytest.mark.parametrize("results", ["results/gpu", "runs/quick/results", "runs"])
@@ -96,7 +96,16 @@ def test_skills_chained_as_they_are_have_results_but_no_run(recipe, made):
     config, results, found = places(recipe, f"path={path}", "chain.links=2")
     skills = [Path(f"runs/table_lack/gail_ppo/seed1/subtask{index}/last") for index in range(2)]
     assert results == Path(path) and found == {"last": skills}
-    assert recipe._spent(config, skills, True) == {"env_steps": 20, "minutes": 2}
+    assert recipe._spent(config, "gail_ppo", skills, True) == {"env_steps": 20, "minutes": 2}
+
+
+def test_the_skills_that_a_chain_began_with_are_those_that_its_training_noted(recipe, made):
+    config, results, _ = places(recipe, "path=runs/table_lack/tstar/seed1/last")
+    assert recipe._begun_with(config, results) == "gail_ppo"
+    results.mkdir(parents=True)
+    for noted, begun_with in (({}, "bc"), ({"evaluation_only": True}, "gail_ppo")):
+        (results / "config.yaml").write_text(yaml.safe_dump({"skills": "bc", **noted}))
+        assert recipe._begun_with(config, results) == begun_with
 
 
 def test_one_skill_of_a_chain_and_a_folder_of_no_run(recipe, made):

@@ -4,7 +4,7 @@ import torch
 from torchrl.envs import ExplorationType, set_exploration_type
 
 from tstar_rl import FurnitureEnv
-from tstar_rl.rollouts.collection import with_starts
+from tstar_rl.rollouts.collection import Collection, with_starts
 from tstar_rl.rollouts.episodes import run_episodes
 from tstar_rl.rollouts.state_sets import TerminationSet
 from tstar_rl.rollouts.terminal_gaussian import TerminalGaussian
@@ -66,3 +66,20 @@ def test_parts_that_were_joined_askew_may_be_moved_as_they_are():
     apart, possible = env.with_qpos(straight, askew)
     assert not possible.any()
     assert env.with_qpos(apart, askew)[1].all() and env.with_qpos(apart, qpos)[1].all()
+
+
+def test_what_was_drawn_is_counted_on_after_a_resume():
+    env = FurnitureEnv("table_lack", 4, 2, nthread=1, seed=0, snapshots=True, preassembled="jitter")
+    begun, reached = env.reset(), TerminationSet(4)
+    reached.extend(begun.select("observation", "snapshot"))
+
+    def collection() -> Collection:
+        base = FurnitureEnv("table_lack", 4, 2, nthread=1, seed=1, preassembled="jitter")
+        starts = with_starts(base, TerminalGaussian(base, reached), probability=1.0)
+        return Collection(starts, env.expert(), 1)
+
+    first, second = collection(), collection()
+    first.env.reset()  # once more than the second
+    assert first.counts()["gaussian_drawn"] >= 4 and second.counts() != first.counts()
+    second.load_state_dict(first.state_dict())
+    assert second.counts() == first.counts()

@@ -42,8 +42,8 @@ def is_done(step: Step, shared: Sequence[str] = (), ignored: Sequence[str] = ())
     """Whether a step need not be run: its files are there, and not older than what they are made from.
 
     Demonstrations are done if their files are there. A training is done if it has finished. An evaluation is done if
-    every run that it evaluates has finished before it, and its table has all modes with the number of episodes that is
-    asked for. With resume=false nothing is done.
+    every run that it evaluates has finished before it, and its table has each checkpoint that these have left, in all
+    modes, with the number of episodes that is asked for. With resume=false nothing is done.
 
     Args:
         step: recipe and values.
@@ -104,14 +104,19 @@ def evaluated_runs(config: DictConfig) -> list[Path]:
 def _is_evaluated(config: DictConfig) -> bool:
     """Whether a table that is there is complete, and not older than the end of any run that it is of."""
     file = run_folder(config, "results_dir") / "evaluation.csv"
-    ends = [run / "finished.json" for run in evaluated_runs(config)]
+    runs = evaluated_runs(config)
+    ends = [run / "finished.json" for run in runs]
     written = file.stat().st_mtime_ns
     if not all(end.is_file() and end.stat().st_mtime_ns <= written for end in ends):
         return False
     table, evaluation = pd.read_csv(file), config.evaluation
     number = evaluation.whole_episodes if config.subtask is None else evaluation.episodes
     rows = table[(table.seed == config.seed) & (table.episodes == number)]
-    return set(config.modes) <= set(rows.loc[rows.checkpoint.isin(list(config.checkpoints)), "mode"])
+    rows, asked = rows[rows.checkpoint.isin(list(config.checkpoints))], set(config.modes)
+    left = [name for name in config.checkpoints if all((run / name).is_dir() for run in runs)]
+    return asked <= set(rows["mode"]) and all(
+        asked <= set(rows[rows.checkpoint == name]["mode"]) for name in left
+    )
 
 
 def _check_config(config: DictConfig, ignored: Sequence[str]) -> None:

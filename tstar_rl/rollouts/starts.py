@@ -20,6 +20,7 @@ __all__ = [
     "MixedStarts",
     "check_shares",
     "gaussian_counts",
+    "load_gaussian_counts",
     "make_starts",
     "sources",
     "termination_sets",
@@ -120,5 +121,14 @@ def termination_sets(env: TransformedEnv) -> list[TerminationSet]:
 
 def gaussian_counts(env: TransformedEnv) -> dict[str, int]:
     """What the Gaussian among an environment's starts has drawn, as "gaussian_<what>"; nothing without one."""
-    gaussians = [each for each in sources(env) if isinstance(each, TerminalGaussian)]
-    return {f"gaussian_{name}": count for each in gaussians for name, count in each.counts.items()}
+    return {f"gaussian_{name}": count for each in _gaussians(env) for name, count in each.counts.items()}
+
+
+def load_gaussian_counts(env: TransformedEnv, counts: Mapping[str, int]) -> None:
+    """Goes on from what `gaussian_counts` gave; from 0 where it says nothing."""
+    for each in _gaussians(env):
+        each.counts = {name: int(counts.get(f"gaussian_{name}", 0)) for name in each.counts}
+
+
+def _gaussians(env: TransformedEnv) -> list[TerminalGaussian]:
+    return [each for each in sources(env) if isinstance(each, TerminalGaussian)]
