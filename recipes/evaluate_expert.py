@@ -34,6 +34,7 @@ def main(config: DictConfig) -> None:
         _write(results, {"checkpoint": "script", "mode": "deterministic", **row, **spent})
         note_evaluation(results, {**plain(config), "subtask": subtask})
         recorder.write(results)
+        env.close()
 
 
 def _write(results: Path, row: dict) -> None:

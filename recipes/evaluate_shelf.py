@@ -43,6 +43,7 @@ def _rows(config: DictConfig) -> list[dict[str, Any]]:
         torch.manual_seed(seed)
         env = environment(config, subtask, number, seed)
         row = evaluate(env.base_env.expert(), env)
+        env.close()
         named = {"task": config.task.name, "subtask": WHOLE if subtask is None else str(subtask)}
         settings = {"preassembled": config.env.preassembled, "velocity_scale": config.env.velocity_scale}
         kept = {name: row[name] for name in KEPT}

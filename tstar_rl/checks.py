@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from importlib import import_module
+from importlib.util import find_spec
 from typing import Any
 
 __all__ = [
@@ -12,6 +13,7 @@ __all__ = [
     "UserError",
     "check_ranges",
     "import_extra",
+    "need_extra",
 ]
 
 
@@ -49,10 +51,20 @@ def import_extra(module: str, extra: str, why: str) -> Any:
     try:
         return import_module(module)
     except ImportError as error:
-        raise MissingExtraError(
-            f"{why} needs {module}, which is not installed: python -m pip install -e '.[{extra}]' in a clone, "
-            f"or 'tstar_rl[{extra}]'"
-        ) from error
+        raise _missing(module, extra, why) from error
+
+
+def need_extra(module: str, extra: str, why: str) -> None:
+    """As `import_extra`, before the library is needed: it is looked for, and not imported."""
+    if find_spec(module) is None:
+        raise _missing(module, extra, why)
+
+
+def _missing(module: str, extra: str, why: str) -> MissingExtraError:
+    return MissingExtraError(
+        f"{why} needs {module}, which is not installed: python -m pip install -e '.[{extra}]' in a clone, "
+        f"or 'tstar_rl[{extra}]'"
+    )
 
 
 RANGES = {

@@ -18,7 +18,6 @@ MAX_BEYOND = 1e-3
 """Rad or m beyond a joint's limit, which is soft."""
 ROUNDING = 1e-6
 """M or rad by which a snapshot's own positions may seem to differ from themselves."""
-_ROBOT_QPOS = sawyer.NUM_JOINTS + 2
 _QPOS, _QVEL = mujoco.mjtState.mjSTATE_QPOS, mujoco.mjtState.mjSTATE_QVEL
 _WARMSTART = mujoco.mjtState.mjSTATE_WARMSTART
 
@@ -46,9 +45,9 @@ class StateEditor:
             breaks it no more.
         """
         snapshot, qpos = snapshot.clone(), qpos.to(torch.float64).clone()
-        poses = qpos[:, _ROBOT_QPOS:].unflatten(-1, (self.tables.num_parts, 7))
+        poses = qpos[:, sawyer.NUM_QPOS :].unflatten(-1, (self.tables.num_parts, 7))
         before = self.qpos_of(snapshot).to(torch.float64)
-        had = before[:, _ROBOT_QPOS:].unflatten(-1, (self.tables.num_parts, 7))
+        had = before[:, sawyer.NUM_QPOS :].unflatten(-1, (self.tables.num_parts, 7))
         sign = torch.where((had[..., 3:] * poses[..., 3:]).sum(-1, keepdim=True) < 0, -1.0, 1.0)
         poses[..., 3:] = sign * torch.nn.functional.normalize(poses[..., 3:], dim=-1)
         rows = snapshot["physics"]

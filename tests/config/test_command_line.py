@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 from recipe_runs import command, environ
 
+from tstar_rl import checks
 from tstar_rl.chaining.skill import NetworkSettings, Skill
 from tstar_rl.checks import UserError
-from tstar_rl.config import ranges
 from tstar_rl.config.command_line import FULL_ERROR, HINT
 from tstar_rl.config.load import recipe
 from tstar_rl.runs.run_folder import run_path
@@ -52,7 +52,9 @@ MISTAKES = [
     ("gail_ppo", ["collection.backend=dask"], "collection.backend must be one of local, ray; got 'dask'"),
     ("assemble", ["launch=slurm"], "launch must be one of local, ray; got 'slurm'"),
     ("gail_ppo", ["physics=isaac"], "physics must be one of mujoco, warp, null; got 'isaac'"),
-    ("gail_ppo", ["device=mps"], "device must be cpu or cuda, got 'mps'"),
+    ("gail_ppo", ["device=cpu:0"], "device must be cpu, cuda or cuda:<number>, got 'cpu:0'"),
+    ("proximity", ["decay=1.5"], r"decay must be in \(0, 1\], got 1.5"),
+    ("gail_ppo", ["device=mps"], "device must be cpu, cuda or cuda:<number>, got 'mps'"),
     (
         "tstar",
         ["chain.order=costliest", "chain.gate=false", "chain.trial_every=2"],
@@ -120,16 +122,20 @@ def test_a_checkpoint_that_belongs_elsewhere_or_is_damaged_is_told_in_words(say)
 
 
 def test_a_missing_extra_is_told_in_words(say, monkeypatch):
-    monkeypatch.setattr(ranges.importlib.util, "find_spec", lambda name: None)
+    monkeypatch.setattr(checks, "find_spec", lambda name: None)
     assert re.search(
-        r"need Ray, which is not installed: .*install -e '.\[ray\]'", say("assemble", "launch=ray")
+        r"launch=ray .*needs ray, which is not installed: .*install -e '.\[ray\]'",
+        say("assemble", "launch=ray"),
     )
-    assert re.search(r"need mujoco_warp, .*install -e '.\[gpu\]'", say("gail_ppo", "physics=warp"))
+    assert re.search(r"needs mujoco_warp, .*install -e '.\[gpu\]'", say("gail_ppo", "physics=warp"))
 
 
 def test_a_device_that_is_not_there_is_told_in_words(say, monkeypatch):
     monkeypatch.setattr("torch.cuda.is_available", lambda: False)
     assert "torch finds no CUDA device on this machine" in say("gail_ppo", "device=cuda")
+    monkeypatch.setattr("torch.cuda.is_available", lambda: True)
+    monkeypatch.setattr("torch.cuda.device_count", lambda: 2)
+    assert "device=cuda:2: torch finds cuda:0 to cuda:1" in say("gail_ppo", "device=cuda:2")
 
 
 def test_an_error_of_the_program_is_no_message(monkeypatch, capfd, tmp_path):

@@ -65,6 +65,12 @@ def test_noise_of_the_expert_that_cannot_be(env, noise):
         env.expert(noise)
 
 
+@pytest.mark.parametrize("subtask", [-1, 4, 9])
+def test_features_of_a_subtask_that_is_not_there(env, subtask):
+    with pytest.raises(ValueError, match=rf"subtask must be in 0..3 for this task, got {subtask}"):
+        env.features(subtask)
+
+
 def test_an_action_with_nan_names_the_simulation(env):
     action = torch.zeros(2, 9)
     action[1, 3] = torch.nan

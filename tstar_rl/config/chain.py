@@ -14,9 +14,9 @@ from tstar_rl.chaining.gate import Gate, GateSettings
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.chaining.trials import run_trial
 from tstar_rl.chaining.turns import Turn
-from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.build import environment, load_demonstrations, make_collection, training_settings
 from tstar_rl.config.load import plain
+from tstar_rl.config.ranges import check_links
 from tstar_rl.demonstrations.collect import collect
 from tstar_rl.demonstrations.data_set import Demonstrations
 from tstar_rl.rollouts.collection import Collection
@@ -103,10 +103,7 @@ def chain_length(config: DictConfig) -> int:
         ValueError: if chain.links is not between 2 and the number of subtasks.
     """
     subtasks, links = config.task.subtasks, config.chain.links
-    if links is not None and not 2 <= links <= subtasks:
-        raise InvalidValueError(
-            f"chain.links must be null or in 2..{subtasks} for {config.task.name}, got {links}"
-        )
+    check_links(links, subtasks, config.task.name)
     return links or subtasks
 
 

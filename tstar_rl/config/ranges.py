@@ -1,14 +1,14 @@
 """What the values in a config may be, where their type alone does not say it: told before a recipe begins."""
 
-import importlib.util
+import re
 from collections.abc import Mapping
 from typing import Any
 
-from tstar_rl.checks import RANGES, MissingExtraError
+from tstar_rl.checks import RANGES, need_extra
 from tstar_rl.config.check import ConfigError
 from tstar_rl.demonstrations.file_check import KINDS
 
-__all__ = ["check_machine", "check_ranges_of", "find"]
+__all__ = ["check_links", "check_machine", "check_ranges_of", "find"]
 
 LEAST = {
     "seed": 0,
@@ -62,6 +62,7 @@ KINDS_OF_NUMBERS = {
     "training.demonstration_starts": "share",
     "bonus": "share",
     "hard_starts": "share",
+    "decay": "positive_share",
 }
 """Of each other number, its kind: see `checks.RANGES`."""
 NOT_EMPTY = ("checkpoints", "kinds", "modes", "only", "scales", "seeds", "systems", "tasks")
@@ -111,7 +112,12 @@ def _check_task(task: str, subtasks: int, values: Mapping[str, Any]) -> None:
     if (subtask := values["subtask"]) is not None and not 0 <= subtask < subtasks:
         valid = f"null (the whole task) or in 0..{subtasks - 1}"
         raise ConfigError(f"subtask of {task} must be {valid}, got {subtask}")
-    if (links := find(values, "chain.links")) is not None and not 2 <= links <= subtasks:
+    check_links(find(values, "chain.links"), subtasks, task)
+
+
+def check_links(links: int | None, subtasks: int, task: str) -> None:
+    """Raises ConfigError if chain.links is not between 2 and the number of subtasks of a task; None is all of them."""
+    if links is not None and not 2 <= links <= subtasks:
         raise ConfigError(f"chain.links must be null or in 2..{subtasks} for {task}, got {links}")
 
 
@@ -125,22 +131,16 @@ def check_machine(values: Mapping[str, Any]) -> None:
     import torch
 
     device = values["device"]
-    if device.split(":")[0] not in ("cpu", "cuda"):
-        raise ConfigError(f"device must be cpu or cuda, got {device!r}")
+    if not re.fullmatch(r"cpu|cuda(:\d+)?", device):
+        raise ConfigError(f"device must be cpu, cuda or cuda:<number>, got {device!r}")
     if device != "cpu" and not torch.cuda.is_available():
         raise ConfigError(f"device={device}: torch finds no CUDA device on this machine; device=cpu works")
+    if device.startswith("cuda:") and int(device[5:]) >= (count := torch.cuda.device_count()):
+        raise ConfigError(f"device={device}: torch finds cuda:0 to cuda:{count - 1} on this machine")
     if device != "cpu" or values["physics"] == "warp":
-        _need("mujoco_warp", "gpu", "device=cuda and physics=warp need mujoco_warp")
+        need_extra("mujoco_warp", "gpu", "device=cuda or physics=warp")
     if "ray" in (values["launch"], find(values, "collection.backend")):
-        _need("ray", "ray", "launch=ray and collection.backend=ray need Ray")
-
-
-def _need(module: str, extra: str, why: str) -> None:
-    if importlib.util.find_spec(module) is None:
-        raise MissingExtraError(
-            f"{why}, which is not installed: python -m pip install -e '.[{extra}]' in a clone, "
-            f"or 'tstar_rl[{extra}]'"
-        )
+        need_extra("ray", "ray", "launch=ray or collection.backend=ray")
 
 
 def _has(values: Mapping[str, Any], name: str) -> bool:

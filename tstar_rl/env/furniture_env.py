@@ -70,10 +70,6 @@ class FurnitureEnv(EnvBase):
         self.done_spec = specs.done.to(self.device)
 
     @property
-    def task_name(self) -> str:
-        return self.world.name
-
-    @property
     def num_envs(self) -> int:
         return self.world.num_sims
 
@@ -117,7 +113,7 @@ class FurnitureEnv(EnvBase):
         return self.world.with_qpos(snapshot, qpos)
 
     def features(self, subtask: int) -> dict[str, Any]:
-        """See `subtask_geometry`."""
+        """See `task_tables.subtask_geometry`."""
         return table_geometry(self.world.task.tables, subtask)
 
     def write_mp4(self, path: str | Path, positions: Tensor) -> bool:

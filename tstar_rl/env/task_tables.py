@@ -51,14 +51,13 @@ def subtask_geometry(task: str, subtask: int) -> dict[str, Any]:
     Raises:
         ValueError: if the task has no such subtask.
     """
-    furniture = library.load(task)
-    if not 0 <= subtask < len(furniture.steps):
-        raise ValueError(f"subtask of {task} must be in 0..{len(furniture.steps) - 1}, got {subtask}")
-    return table_geometry(RecipeTables(furniture, torch.device("cpu")), subtask)
+    return table_geometry(RecipeTables(library.load(task), torch.device("cpu")), subtask)
 
 
 def table_geometry(tables: RecipeTables, subtask: int) -> dict[str, Any]:
-    """What `subtask_geometry` gives, read from the tables of a task."""
+    """What `subtask_geometry` gives, read from the tables of a task; raises what it does."""
+    if not 0 <= subtask < tables.num_steps:
+        raise ValueError(f"subtask must be in 0..{tables.num_steps - 1} for this task, got {subtask}")
 
     def figures(table: Tensor) -> Tensor:
         return table[subtask].float().cpu()  # a network is built there, and moved afterwards

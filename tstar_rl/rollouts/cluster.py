@@ -4,7 +4,7 @@ import os
 from dataclasses import dataclass
 from typing import Any
 
-from tstar_rl.checks import MissingExtraError
+from tstar_rl.checks import import_extra
 
 __all__ = ["ClusterSettings", "connect", "resources"]
 
@@ -28,13 +28,7 @@ def connect(settings: ClusterSettings, workers: int) -> Any:
     Raises:
         MissingExtraError: if Ray is not installed, with the command that does it.
     """
-    try:
-        import ray
-    except ImportError as error:
-        raise MissingExtraError(
-            "collection.backend=ray and launch=ray need Ray, which is not installed: "
-            "python -m pip install -e '.[ray]' in the repository, or 'tstar_rl[ray]'"
-        ) from error
+    ray = import_extra("ray", "ray", "launch=ray or collection.backend=ray")
     if not ray.is_initialized():
         address = settings.address or os.environ.get("RAY_ADDRESS")
         cpus = max(os.cpu_count() or 1, round(workers * settings.cpus))

@@ -23,6 +23,8 @@ HOME_QPOS = (-0.28, -0.6, 0.0, 1.86, 0.0, 0.3, 1.57)
 """Joint angles of the arm at the start of every subtask, rad."""
 
 NUM_JOINTS = 7
+NUM_QPOS = NUM_JOINTS + 2
+"""Joints and fingers: the first entries of a scene's qpos, and of its qvel."""
 FINGER_OPEN = (0.020833, -0.020833)
 FINGER_CLOSED = (-0.0115, 0.0115)
 """Targets of the (left, right) finger slides, m."""

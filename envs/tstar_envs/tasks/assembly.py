@@ -24,7 +24,6 @@ from tstar_envs.tasks.step_reward import StepReward, moved
 from tstar_envs.tasks.task import BatchedTask, EpisodeState
 
 DISTURBED = 0.1
-_ROBOT_QPOS = sawyer.NUM_JOINTS + 2
 
 
 class Assembly(BatchedTask):
@@ -52,15 +51,15 @@ class Assembly(BatchedTask):
         joints = sawyer.NUM_JOINTS
         self._arm, self._fingers = physics.ctrl[:, :joints], physics.ctrl[:, joints:]
         self._observed = [  # live views, in the order of the observation; the phase follows
-            physics.qpos[:, :joints], physics.qvel[:, :joints], physics.qpos[:, joints:_ROBOT_QPOS],
-            physics.sensors(("grip_pos", "hand_quat", "grip_linvel", "grip_angvel")), physics.qpos[:, _ROBOT_QPOS:],
+            physics.qpos[:, :joints], physics.qvel[:, :joints], physics.qpos[:, joints:sawyer.NUM_QPOS],
+            physics.sensors(("grip_pos", "hand_quat", "grip_linvel", "grip_angvel")), physics.qpos[:, sawyer.NUM_QPOS:],
         ]  # fmt: skip
         self._phases = torch.eye(len(PHASES), dtype=torch.float64, device=physics.device)
 
     @property
     def part_poses(self) -> Tensor:
         """(N, parts, 7), world: a live view of the state, parts in the order of the observation."""
-        return self.physics.qpos[:, _ROBOT_QPOS:].unflatten(-1, (self.tables.num_parts, 7))
+        return self.physics.qpos[:, sawyer.NUM_QPOS :].unflatten(-1, (self.tables.num_parts, 7))
 
     def new_state(self) -> EpisodeState:
         """Episode state of N simulations that have not begun."""

@@ -14,7 +14,6 @@ from tstar_envs.robots import sawyer
 from tstar_envs.settings import TaskSettings
 from tstar_envs.tasks.recipe_tables import RecipeTables
 
-_ROBOT_QPOS = sawyer.NUM_JOINTS + 2
 MIN_CLEARANCE = 0.0005
 """A jittered preassembled part is held at least this far off its target, m: welded parts should not press."""
 TRIES = 10
@@ -90,7 +89,7 @@ class EpisodeStarts:
         poses[..., 2] += self.settings.drop_height
         arm = self.settings.arm_noise * self._uniform(sawyer.NUM_JOINTS)
         self.physics.clear(mask)
-        write(self.physics.qpos[:, _ROBOT_QPOS:], poses.flatten(1), mask)
+        write(self.physics.qpos[:, sawyer.NUM_QPOS :], poses.flatten(1), mask)
         for k in range(subtask):
             self.weld(k, mask)
         self.home_robot(mask)
@@ -104,14 +103,14 @@ class EpisodeStarts:
     def home_robot(self, mask: Tensor) -> None:
         """Puts the arm at its home pose, at rest, gripper open."""
         rest = torch.zeros_like(self.home)
-        write(self.physics.qpos[:, :_ROBOT_QPOS], self.home, mask)
-        write(self.physics.qvel[:, :_ROBOT_QPOS], rest, mask)
+        write(self.physics.qpos[:, : sawyer.NUM_QPOS], self.home, mask)
+        write(self.physics.qvel[:, : sawyer.NUM_QPOS], rest, mask)
         write(self.physics.ctrl[:, : sawyer.NUM_JOINTS], rest[: sawyer.NUM_JOINTS], mask)
         write(self.physics.ctrl[:, sawyer.NUM_JOINTS :], self.home[sawyer.NUM_JOINTS :], mask)
 
     def weld(self, step: int, mask: Tensor) -> None:
         """Activates the weld of `step` at the pose where its two parts are now."""
-        poses = self.physics.qpos[:, _ROBOT_QPOS:].unflatten(-1, (self.tables.num_parts, 7))
+        poses = self.physics.qpos[:, sawyer.NUM_QPOS :].unflatten(-1, (self.tables.num_parts, 7))
         target, moving = poses[:, self.tables.target[step]], poses[:, self.tables.moving[step]]
         pos, quat = geometry.relative_pose(target[:, :3], target[:, 3:], moving[:, :3], moving[:, 3:])
         write(self.physics.eq_data[:, step, 3:10], torch.cat([pos, quat], dim=-1), mask)
@@ -141,8 +140,8 @@ class EpisodeStarts:
         connector, goal = self.tables.moving_connector[step], self.tables.target_connector[step]
         shift, axis = self._uniform(3), torch.nn.functional.normalize(self._uniform(3), dim=-1)
         aside, tilt = self._play(step)
-        half = tilt / 2 * self._uniform(1)
-        quat = geometry.quat_mul(torch.cat([half.cos(), axis * half.sin()], dim=-1), quat)
+        turn = geometry.axis_angle_quat(axis, tilt * self._uniform(1).squeeze(-1))
+        quat = geometry.quat_mul(turn, quat)
         # The part comes from the side its body lies on: shift it back along the connectors' up axis only.
         back = -1.0 if float(geometry.up_axis(connector[3:]) @ connector[:3]) > 0 else 1.0
         away = MIN_CLEARANCE + self.settings.jitter * shift[:, 2:].abs()

@@ -18,7 +18,6 @@ _ALIGNMENT = slice(MEASURES["gap"], MEASURES["gap"] + len(ALIGNED))
 _OVER_LIFT = MEASURES["part_over_lift"]
 OFF_GROUND = 0.01
 """Height above its start at which a part counts as raised, m."""
-_ROBOT_QPOS = sawyer.NUM_JOINTS + 2
 _REMEMBERED = ("start_tip", "start_target", "lift_point")
 
 
@@ -115,7 +114,11 @@ class SceneReader:
         self._turn = _Turn(physics.device)
         bounds = torch.tensor(ALIGNED, dtype=torch.float64, device=physics.device)
         self._least, self._most = bounds.t().unsqueeze(-1)
-        self._poses = [physics.qpos[:, _ROBOT_QPOS:], physics.sensor("tip_pos"), physics.sensor("hand_quat")]
+        self._poses = [
+            physics.qpos[:, sawyer.NUM_QPOS :],
+            physics.sensor("tip_pos"),
+            physics.sensor("hand_quat"),
+        ]
         fingers = [f"{finger}_touches_{part}" for finger in sawyer.FINGERS for part in part_names]
         self._contacts = physics.sensors(fingers).t().unflatten(0, (len(sawyer.FINGERS), tables.num_parts))
         self._at: _AtSteps | None = None
