@@ -3,10 +3,11 @@
     python tools/kill_and_resume.py --kills 100                 # a training, a chain, evaluations, ... in turn
     python tools/kill_and_resume.py --kills 3 --only chain
 
-All of it at a tiny scale. First `assemble` runs through: its tables, demonstrations and skills are what is compared
-with, and what the other recipes start from. Then each recipe is killed with all its processes, as by a power cut, and
-started again, until it is done; that repeats until it has had its share of the kills. Prints a table; exits with 1 if
-any start failed or anything differs.
+All of it at a tiny scale, whose clones succeed: so states are handed over, and terminal states are kept. First
+`assemble` runs through: its tables, demonstrations and skills are what is compared with, and what the other recipes
+start from. Then each recipe is killed with all its processes, as by a power cut, and started again, until it is done;
+that repeats until it has had its share of the kills. Prints a table; exits with 1 if any start failed or anything
+differs.
 """
 
 import argparse
@@ -30,11 +31,12 @@ from tstar_rl.runs.checkpoint import is_checkpoint
 ROOT = Path(__file__).resolve().parents[1]
 TASK = ("demonstrations", "runs", "results")
 TINY = [
-    "scale=quick", "progress_bar=false", "demonstrations.episodes=8", "demonstrations.num_envs=8", "bc.epochs=20",
+    "scale=quick", "progress_bar=false", "demonstrations.episodes=48", "demonstrations.num_envs=16", "bc.epochs=150",
     "training.num_envs=8", "training.horizon=16", "training.total_steps=1024", "training.checkpoint_every=256",
-    "ppo.minibatch=64", "chain.rounds=1", "chain.steps_per_turn=256", "chain.trial_episodes=8",
+    "ppo.minibatch=64", "chain.rounds=1", "chain.steps_per_turn=1024", "chain.trial_episodes=8",
     "chain.seed_episodes=8", "evaluation.episodes=8", "evaluation.whole_episodes=8", "evaluation.recorded=0",
 ]  # fmt: skip
+CHAIN_TABLES = ("metrics", "terminal_states", "calibration")
 TIMED = ["minutes"]
 """Columns of tables that are measured times."""
 
@@ -63,8 +65,7 @@ SUBJECTS = {
     "chain": Subject(
         ("tstar",),
         ("demonstrations", "runs/*/gail_ppo"),
-        # No terminal_states.csv: at this scale no skill succeeds.
-        ("results/*/tstar/seed0/metrics.csv", "runs/*/tstar/seed0/*/skill*"),
+        (*(f"results/*/tstar/seed0/{name}.csv" for name in CHAIN_TABLES), "runs/*/tstar/seed0/*/skill*"),
     ),
     "evaluation": Subject(("evaluate", "system=tstar"), ("runs",), ("results/*/tstar/seed0/evaluation.csv",)),
     "demonstrations": Subject(
