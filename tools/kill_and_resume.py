@@ -5,9 +5,9 @@
 
 All of it at a tiny scale, whose clones succeed: so states are handed over, and terminal states are kept. First
 `assemble` runs through: its tables, demonstrations and skills are what is compared with, and what the other recipes
-start from. Then each recipe is killed with all its processes, as by a power cut, and started again, until it is done;
-that repeats until it has had its share of the kills. Prints a table; exits with 1 if any start failed or anything
-differs.
+start from. One that it does not run is run through by itself. Then each recipe is killed with all its processes, as by
+a power cut, and started again, until it is done; that repeats until it has had its share of the kills. Prints a table;
+exits with 1 if any start failed or anything differs.
 """
 
 import argparse
@@ -36,7 +36,6 @@ TINY = [
     "ppo.minibatch=64", "chain.rounds=1", "chain.steps_per_turn=1024", "chain.trial_episodes=8",
     "chain.seed_episodes=8", "evaluation.episodes=8", "evaluation.whole_episodes=8", "evaluation.recorded=0",
 ]  # fmt: skip
-CHAIN_TABLES = ("metrics", "terminal_states", "calibration")
 TIMED = ["minutes"]
 """Columns of tables that are measured times."""
 
@@ -65,7 +64,16 @@ SUBJECTS = {
     "chain": Subject(
         ("tstar",),
         ("demonstrations", "runs/*/gail_ppo"),
-        (*(f"results/*/tstar/seed0/{name}.csv" for name in CHAIN_TABLES), "runs/*/tstar/seed0/*/skill*"),
+        (
+            "results/*/tstar/seed0/metrics.csv",
+            "results/*/tstar/seed0/terminal_states.csv",
+            "runs/*/tstar/seed0/*/skill*",
+        ),
+    ),
+    "signal": Subject(
+        ("feasibility",),
+        ("demonstrations", "runs/*/gail_ppo"),
+        ("results/*/feasibility/seed0/*.csv", "runs/*/feasibility/seed0/*/skill*"),
     ),
     "evaluation": Subject(("evaluate", "system=tstar"), ("runs",), ("results/*/tstar/seed0/evaluation.csv",)),
     "demonstrations": Subject(
@@ -148,6 +156,17 @@ def untouched(subject: Subject, whole: Path, folder: Path) -> float:
     return time.perf_counter() - began
 
 
+def keep(subject: Subject, folder: Path, whole: Path) -> None:
+    """Adds to `whole` what a recipe that `assemble` does not run has left in `folder` when nobody killed it."""
+    for pattern in subject.leaves:
+        if any(whole.glob(pattern)):
+            continue
+        for found in folder.glob(pattern):
+            place = whole / found.relative_to(folder)
+            place.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copytree(found, place) if found.is_dir() else shutil.copyfile(found, place)
+
+
 @dataclass
 class Count:
     """What became of a recipe."""
@@ -222,6 +241,7 @@ def main() -> int:
                 seconds = float((folder / "whole.done").read_text())
             else:
                 seconds = untouched(SUBJECTS[name], whole, folder / name)
+                keep(SUBJECTS[name], folder / name, whole)
             print(f"{name}, {seconds:.0f} s, {share} kills")
             counts[name] = torment(SUBJECTS[name], whole, folder / name, share, seconds, draw)
     table = pd.DataFrame({name: vars(count) for name, count in counts.items()}).T
