@@ -11,6 +11,7 @@ exits with 1 if any start failed or anything differs.
 """
 
 import argparse
+import logging
 import os
 import random
 import shutil
@@ -228,6 +229,7 @@ def main() -> int:
     )
     given = parser.parse_args()
     sys.stdout.reconfigure(line_buffering=True)
+    logging.getLogger("torchrl").setLevel(logging.WARNING)  # it says of each skill that is compared what it stores
     draw, counts = random.Random(given.seed), {}
     with tempfile.TemporaryDirectory() as scratch:
         folder = given.keep or Path(scratch)
