@@ -57,7 +57,7 @@ def subtask_geometry(task: str, subtask: int) -> dict[str, Any]:
 def table_geometry(tables: RecipeTables, subtask: int) -> dict[str, Any]:
     """What `subtask_geometry` gives, read from the tables of a task; raises what it does."""
     if not 0 <= subtask < tables.num_steps:
-        raise ValueError(f"subtask must be in 0..{tables.num_steps - 1} for this task, got {subtask}")
+        raise ValueError(f"subtask of {tables.name} must be in 0..{tables.num_steps - 1}, got {subtask}")
 
     def figures(table: Tensor) -> Tensor:
         return table[subtask].float().cpu()  # a network is built there, and moved afterwards

@@ -26,6 +26,7 @@ class RecipeTables:
         def rows(values: Iterable[Sequence[float] | float]) -> Tensor:
             return torch.tensor(list(values), dtype=torch.float64, device=device)
 
+        self.name = furniture.name
         self.num_steps, self.num_parts = len(furniture.steps), len(furniture.parts)
         self.moving = _part_indices(furniture, [step.moving_part for step in furniture.steps], device)
         self.target = _part_indices(furniture, [step.target_part for step in furniture.steps], device)
