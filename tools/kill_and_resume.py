@@ -229,7 +229,7 @@ def main() -> int:
     )
     given = parser.parse_args()
     sys.stdout.reconfigure(line_buffering=True)
-    logging.getLogger("torchrl").setLevel(logging.WARNING)  # it says of each skill that is compared what it stores
+    logging.getLogger("torchrl").setLevel(logging.WARNING)  # else: a line for each skill compared
     draw, counts = random.Random(given.seed), {}
     with tempfile.TemporaryDirectory() as scratch:
         folder = given.keep or Path(scratch)
