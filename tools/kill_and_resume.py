@@ -127,12 +127,9 @@ def _same(first: Path, second: Path) -> bool:
     if not (first.exists() and second.exists()):
         return False
     if first.suffix == ".csv":
-        tables = [pd.read_csv(path, dtype=str, keep_default_na=False) for path in (first, second)]
-        return (
-            tables[0]
-            .drop(columns=TIMED, errors="ignore")
-            .equals(tables[1].drop(columns=TIMED, errors="ignore"))
-        )
+        read = [pd.read_csv(path, dtype=str, keep_default_na=False) for path in (first, second)]
+        whole, killed = (table.drop(columns=TIMED, errors="ignore") for table in read)
+        return whole.equals(killed)
     if first.suffix == ".npz":
         one, two = np.load(first), np.load(second)
         return one.files == two.files and all(np.array_equal(one[name], two[name]) for name in one.files)
