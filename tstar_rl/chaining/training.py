@@ -108,7 +108,11 @@ class Training:
 
     def log(self, rollout: TensorDictBase, log: Mapping[str, Any]) -> None:
         """Notes what the recipe has found of this rollout; the row is written before the next one."""
-        self._row = {**rollout_metrics(rollout), **log, **self.collection.counts()}
+        self._row = {**rollout_metrics(rollout, self._apart(rollout)), **log, **self.collection.counts()}
+
+    def _apart(self, rollout: TensorDictBase) -> Tensor | None:
+        """Which rows (N, T, 1) are of episodes that are counted apart, see `rollout_metrics`; None: all count."""
+        return None
 
     def _collect(self, progress: float) -> TensorDictBase:
         """The next rollout, with the exploration of `progress`."""
@@ -170,3 +174,6 @@ class SkillTraining(Training):
         self.collection.close()
         self.save("last", self.steps)
         run.finish()
+
+    def _apart(self, rollout: TensorDictBase) -> Tensor | None:
+        return rollout.get(("next", "start_chained"), None)  # no skill is before: it began in a demonstration

@@ -8,6 +8,7 @@ from typing import Any
 
 import torch
 from tensordict import TensorDict, TensorDictBase
+from torch import Tensor
 from torchrl.collectors import Collector
 from torchrl.envs import EnvBase, StepCounter, TransformedEnv
 
@@ -132,18 +133,26 @@ def load_state(collector: Collector, state: dict[str, Any]) -> None:
 PAPER_REWARDS = ("reward_env", "reward_gail", "reward_tsr")
 
 
-def rollout_metrics(rollout: TensorDictBase) -> dict[str, float]:
-    """What is logged of a rollout (N, T): its finished episodes, phases and rewards by term."""
+def rollout_metrics(rollout: TensorDictBase, apart: Tensor | None = None) -> dict[str, float]:
+    """What is logged of a rollout (N, T): its finished episodes, phases and rewards by term.
+
+    Args:
+        rollout: of any policy.
+        apart: (N, T, 1) bool, rows of episodes that began within a demonstration. These say little of what the policy
+            does from a start of its own, so they are counted apart; None: there are none.
+
+    Returns:
+        episodes, and of these success_rate, completed (subtasks), episode_length and phase (mean over all their steps),
+        nan where there was none; with `apart` also episodes_apart and success_rate_apart; means of the rewards over
+        all rows.
+    """
     following: TensorDictBase = rollout["next"]
-    done = following["done"]
-    episodes = int(done.sum())
-    log: dict[str, float] = {
-        "episodes": episodes,
-        "success_rate": float(following["success"][done].float().mean()) if episodes else float("nan"),
-        "completed": float(following["completed"][done].float().mean()) if episodes else float("nan"),
-        "episode_length": float(following["step_count"][done].float().mean()) if episodes else float("nan"),
-        "phase": float(following["phase"].float().mean()),
-    }
+    counted = torch.ones_like(following["done"]) if apart is None else ~apart
+    log: dict[str, float] = _ended(following, counted)
+    log["phase"] = float(following["phase"][counted].float().mean())
+    if apart is not None:
+        others = _ended(following, apart)
+        log |= {f"{name}_apart": others[name] for name in ("episodes", "success_rate")}
     names = [str(name) for name in following.keys()]  # pyright: ignore[reportAttributeAccessIssue]
     further = sorted(name for name in names if name.startswith("reward_") and name not in PAPER_REWARDS)
     for name in (*PAPER_REWARDS, *further, "reward"):
@@ -153,3 +162,12 @@ def rollout_metrics(rollout: TensorDictBase) -> dict[str, float]:
         paid = following["reward_tsr"][following["success"]]
         log["tsr_on_success"] = float(paid.mean()) if len(paid) else float("nan")
     return log
+
+
+def _ended(following: TensorDictBase, counted: Tensor) -> dict[str, float]:
+    """Of the episodes that ended: their number, and means; counted: (N, T, 1) bool."""
+    done = following["done"] & counted
+    names = {"success_rate": "success", "completed": "completed", "episode_length": "step_count"}
+    return {"episodes": int(done.sum())} | {
+        column: float(following[key][done].float().mean()) for column, key in names.items()
+    }
