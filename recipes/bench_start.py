@@ -26,7 +26,7 @@ def start_rows(given: Sequence[str]) -> Iterator[dict[str, Any]]:
     with TemporaryDirectory() as folder:
         places = [f"{name}_dir={folder}/{name}" for name in ("results", "runs", "demonstrations")]
         own = [*given, *places, "subtask=0", "progress_bar=false"]
-        run_recipe(("make_demonstrations", *own, "kinds=[noisy]"))
+        run_recipe(("make_demonstrations", *own, "kinds=[plain,noisy]"))
         commands = {
             "help_seconds": ["--help"],
             "mistake_seconds": ["seed=-1"],

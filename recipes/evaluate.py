@@ -65,7 +65,7 @@ def main(config: DictConfig) -> None:
             seed = derive_seed(config.seed, "evaluate", list(MODES).index(mode), subtask)
             torch.manual_seed(seed)
             env = environment(config, subtask, number, seed, snapshots=film)
-            recorder = Recorder(env.base_env, config.evaluation.recorded if film else 0)
+            recorder = Recorder(env.base_env, config.evaluation.recorded if film else 0, enough=links)
             row = evaluate(policy, env, mode, recorder, links=links)
             rows.append({"checkpoint": name, "mode": mode, **row, **spent, "seed": config.seed})
             recorder.write(results)

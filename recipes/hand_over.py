@@ -3,8 +3,8 @@
     python recipes/hand_over.py task=table_lack seed=0            # systems=[tstar]: one of the chains
 
 Fresh deterministic episodes. The chain is followed skill by skill: the states in which one succeeds are the next one's
-starts. Rows of one seed replace those of the same seed in <results_dir>/<task>/hand_over.csv; the picture beside it
-shows the mean over all seeds.
+starts, each of them once ("handed" of them). Rows of one seed replace those of the same seed in
+<results_dir>/<task>/hand_over.csv; the picture beside it shows the mean over all seeds.
 """
 
 import math
@@ -12,18 +12,16 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import torch
 from omegaconf import DictConfig
 from tensordict import TensorDictBase
-from torchrl.envs import ExplorationType, set_exploration_type
+from torchrl.envs import TransformedEnv
 
 from tstar_rl.analysis import hand_over_matrix, save_figure
+from tstar_rl.chaining.exchange import run_from
 from tstar_rl.chaining.skill import Skill
-from tstar_rl.config.build import environment
 from tstar_rl.config.load import recipe
-from tstar_rl.config.seams import chain_of
+from tstar_rl.config.seams import chain_of, env_at_seam
 from tstar_rl.intervals import wilson_interval
-from tstar_rl.rollouts.episodes import run_episodes
 from tstar_rl.rollouts.state_sets import TerminationSet
 from tstar_rl.runs.csv_tables import append_rows
 from tstar_rl.seeds import derive_seed
@@ -42,42 +40,31 @@ def main(config: DictConfig) -> None:
 
 def _follow(config: DictConfig, system: str, skills: Sequence[Skill]) -> list[dict[str, Any]]:
     """A row for each skill; what it was handed is empty where none before has succeeded."""
-    rows = []
-    before = TerminationSet(config.evaluation.episodes, config.device)
+    rows, episodes = [], config.evaluation.episodes
+    reached: TensorDictBase | None = None
     for index, skill in enumerate(skills):
+
+        def make(subtask: int, number: int, starts: TerminationSet | None) -> TransformedEnv:
+            return env_at_seam(
+                config, derive_seed(config.seed, "evaluate", 2, subtask), subtask, number, starts
+            )
+
         row: dict[str, Any] = {"system": system, "seed": config.seed, "checkpoint": config.checkpoint}
-        row |= {"subtask": index, "episodes": config.evaluation.episodes}
-        own, last = _try(config, index, skill, None)
-        row |= _share("own_starts", own, config.evaluation.episodes)
-        row |= dict.fromkeys(("handed_over", "handed_over_low", "handed_over_high"), math.nan)
-        reached = TerminationSet(config.evaluation.episodes, config.device)
-        if index and len(before):
-            handed, last = _try(config, index, skill, before)
-            row |= _share("handed_over", handed, config.evaluation.episodes)
-        if index == 0 or len(before):
-            reached.extend_from(last)
-        before = reached
+        row |= {"subtask": index, "episodes": episodes}
+        own = run_from(make, index, skill, None, episodes)
+        row |= _share("own_starts", own.batch_size[0], episodes)
+        handed = 0 if reached is None else reached.batch_size[0]
+        reached = own if reached is None else run_from(make, index, skill, reached, 0)
+        row |= {"handed": handed} | _share("handed_over", reached.batch_size[0], handed)
         rows.append(row)
     return rows
 
 
-def _try(
-    config: DictConfig, index: int, skill: Skill, before: TerminationSet | None
-) -> tuple[float, TensorDictBase]:
-    """Success from the states of `before` alone, or from the skill's own starts; and the last steps."""
-    seed = derive_seed(config.seed, "evaluate", 2, index)
-    torch.manual_seed(seed)
-    env = environment(
-        config, index, config.evaluation.episodes, seed, before, snapshots=True, shares={"buffer": 1.0}
-    )
-    with set_exploration_type(ExplorationType.DETERMINISTIC):
-        last = run_episodes(env, skill.policy)
-    env.close()
-    return float(last["next", "success"].double().mean()), last
-
-
-def _share(name: str, share: float, episodes: int) -> dict[str, float]:
-    low, high = wilson_interval(round(share * episodes), episodes)
+def _share(name: str, successes: int, episodes: int) -> dict[str, float]:
+    """A share with its interval; NaN of no episodes."""
+    share, (low, high) = math.nan, (math.nan, math.nan)
+    if episodes:
+        share, (low, high) = successes / episodes, wilson_interval(successes, episodes)
     return {name: share, f"{name}_low": low, f"{name}_high": high}
 
 

@@ -10,11 +10,16 @@ step is paid P(s') - P(s), the last one of a success P(s') more. Control: `polic
 from omegaconf import DictConfig
 
 import tstar_rl as rl
+from tstar_rl.checks import InvalidValueError
 
 
 @rl.recipe("proximity", decay=float, proximity=rl.Section, from_checkpoint=str)
 def main(config: DictConfig) -> None:
     """As T-STAR, with a dense reward along the episode in the place of one at its end."""
+    if config.chain.path_steps < 1:
+        raise InvalidValueError(
+            "P learns from the ends of episodes: chain.path_steps must be at least 1, got 0"
+        )
     f_phi = rl.settings(rl.DiscriminatorSettings, config.f_phi)
     mixture = rl.settings(rl.RewardMixture, config.reward)
     learning = rl.settings(rl.LabelledSettings, config.proximity)

@@ -117,7 +117,7 @@ def test_the_turns_of_an_experiment_by_hand(published):
         rows.assign(d_omega_auc=auc).to_csv(place / f"tstar/seed{seed}/metrics.csv", index=False)
         rows.to_csv(place / f"buffer_no_gate/seed{seed}/metrics.csv", index=False)
     page = results_page(published, THEIRS, "")
-    assert "| T-STAR | 2 | 2 | 0.625 | 0.50 | 0.60 | 0.60M |" in page
+    assert "| T-STAR | 2 | 2 | 0.625 | 0.50 | 0.80 | 0.60M |" in page
     assert "| buffer starts, every turn kept | 2 | 2 | 0.625 | 0.50 | - | 0.60M |" in page
     drawn = draw_page(published, THEIRS, published / "figures")
     for name in ("odd_table_rise.png", "odd_table_costs.png"):

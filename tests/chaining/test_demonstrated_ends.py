@@ -88,3 +88,8 @@ def test_only_one_of_the_two_recipes_learns_from_rewards(asked, tmp_path, recipe
 def test_a_gate_does_not_go_with_clones_made_in_a_turn(asked):
     with pytest.raises(ValueError, match=r"set chain\.gate=false"):
         asked("in_order", "chain.gate=true", "chain.trial_episodes=4")
+
+
+def test_a_second_turn_does_not_clone_over_the_first(asked):
+    with pytest.raises(ValueError, match=r"set chain\.rounds=1"):
+        asked("in_order", "chain.rounds=2")

@@ -19,7 +19,7 @@ class Chain:
     """
 
     def __init__(self, number: float) -> None:
-        self.number, self.trials = number, []
+        self.number, self.trials, self.tried = number, [], []
 
     def run_trial(self, known: Trial | None, first: int) -> Trial:
         self.trials.append((self.number, None if known is None else known.progress, first))
@@ -32,6 +32,7 @@ class Chain:
             number % 2,
             undo=lambda: setattr(self, "number", before),
             redo=lambda: setattr(self, "number", trained),
+            tried=lambda trial: self.tried.append((self.number, trial.progress)),
         )
 
 
@@ -55,6 +56,8 @@ def test_a_turn_that_lost_more_than_the_margin_is_put_back(trained, kept):
     judgement = chain.turn(Gate(GateSettings(True, 0.02, 1), chain.run_trial), 0, trained)
     assert chain.number == kept and judgement.accepted == (kept == trained)
     assert judgement.kept.progress == pytest.approx(kept)
+    assert chain.tried == [(trained, pytest.approx(trained))]  # looked at before it is put back
+    assert judgement.row(0)["tried_progress"] == pytest.approx(trained)
 
 
 def test_a_trial_that_is_known_is_not_run_again_and_steps_are_counted_once():
@@ -78,6 +81,7 @@ def test_without_rejections_the_chain_is_tried_every_so_many_turns():
     assert found[1].accepted is None and chain.number == 0.6
     assert [first for _, _, first in chain.trials] == [0, 0]  # both skills were trained in between
     assert [each.steps for each in found] == [0, 10, 0, 10]
+    assert len(chain.tried) == 2
 
 
 def test_without_rejections_a_trial_of_every_turn_begins_with_the_skill_that_was_trained():
@@ -92,14 +96,19 @@ def test_without_rejections_a_trial_of_every_turn_begins_with_the_skill_that_was
 def test_a_rejected_turn_puts_back_everything_that_it_changed(spoiled_turns, point_chain, monkeypatch):
     """Networks of the skill, d_omega of the next, both sets, and what the optimisers remember."""
     states = {}
-    rollouts = Turn.rollouts
+    rollouts, say = Turn.rollouts, Turn._say_how_the_next_does
 
     def watched(turn):
         states["before", turn.run.turn] = turn._state()
         yield from rollouts(turn)
         states["after", turn.run.turn] = turn._state()
 
+    def said(turn, trial):
+        states["said", turn.run.turn] = turn._state()
+        return say(turn, trial)
+
     monkeypatch.setattr(Turn, "rollouts", watched)
+    monkeypatch.setattr(Turn, "_say_how_the_next_does", said)
     table = point_chain("tstar", "chain.gate=true", "chain.links=2")
     assert table.accepted.dropna().tolist() == [0, 0]
     for turn in range(2):
@@ -110,6 +119,9 @@ def test_a_rejected_turn_puts_back_everything_that_it_changed(spoiled_turns, poi
                 torch.equal(value, after[name]) if isinstance(value, torch.Tensor) else value == after[name]
             )
             assert same, (turn, name)
+    # What is said of the chain that was tried is said by the networks that were trained with it.
+    said, before = (flat(states[when, 0]["following"]["d_omega"]) for when in ("said", "before"))
+    assert any(not torch.equal(value, before[name]) for name, value in said.items())
 
 
 def flat(state: dict, prefix: str = "") -> dict:

@@ -107,6 +107,12 @@ def test_which_terminal_states_are_kept(kept_states, point_chain, monkeypatch):
         assert chained == won if index == 0 else 0 < chained < won
 
 
+def test_where_no_start_is_chained_no_terminal_state_is_kept(point_chain):
+    starts = "chain.starts={environment: 1.0, gaussian: 0.0, buffer: 0.0}"
+    table = point_chain("tstar", "chain.gate=false", "chain.links=2", "chain.kept_states=chained", starts)
+    assert set(table.skill) == {0, 1}
+
+
 def test_the_log_says_how_d_omega_does(point_chain):
     table = point_chain("tstar", "chain.gate=true", "chain.links=2", "d_omega.steps=256")
     ends = table.dropna(subset=["trial_progress"])

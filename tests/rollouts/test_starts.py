@@ -86,7 +86,7 @@ def test_episodes_begin_in_the_shares_of_the_released_code(make_env):
     [
         ({"environment": 0.2, "buffer": 0.8}, TerminationSet, 0.8),
         ({"environment": 0.2, "gaussian": 0.8}, TerminalGaussian, 0.8),
-        ({"environment": 1.0}, type(None), 0.0),
+        ({"environment": 1.0}, TerminationSet, 0.0),
         ({"buffer": 1.0}, TerminationSet, 1.0),
     ],
 )

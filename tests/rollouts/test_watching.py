@@ -2,6 +2,7 @@
 
 import pytest
 import torch
+from point_chain import PointChain
 from tensordict import TensorDict
 
 from tstar_rl.rollouts.collection import with_starts
@@ -26,6 +27,16 @@ def test_an_episode_is_remembered_up_to_its_end(make_env, policy):
         torch.testing.assert_close(place.diff(), torch.full((steps,), 0.4))
         assert episode["reward"].shape == (steps,) and episode["reward"][-1] == pytest.approx(10.8)
         assert torch.equal(torch.from_numpy(episode["positions"]), log.positions(row))
+
+
+def test_a_shorter_chain_has_succeeded_after_its_last_link(policy):
+    env = with_starts(PointChain("table_lack", num_envs=20, snapshots=True))
+    log = EpisodeLog(env.base_env, enough=2)
+    last = run_episodes(env, policy, log, enough=2)
+    done = (last["next", "completed"] == 2).squeeze(-1)
+    assert done.any() and not last["next", "success"].any()  # the environment has four subtasks
+    assert torch.equal(log.successes(), done)
+    assert torch.equal(log.lengths(), last["next", "step_count"].squeeze(-1))
 
 
 def test_the_first_episode_that_ended_so_is_given(make_env):

@@ -157,11 +157,11 @@ def episode_progress(row: pd.Series) -> NDArray[np.floating]:
 def evaluation_table(
     evaluations: pd.DataFrame, checkpoint: str = "last", mode: str = "deterministic"
 ) -> pd.DataFrame:
-    """Mean over seeds of each recipe's whole-task evaluation."""
+    """Mean over seeds of each recipe's whole-task evaluation; for intervals over seeds see `experiments.arm_table`."""
     chosen = evaluations[(evaluations.subtask == -1) & (evaluations.checkpoint == checkpoint)]
     chosen = chosen[chosen["mode"] == mode]
     shares = [name for name in chosen.columns if name.startswith("subtask_")]
-    columns = ["progress", "success", "success_low", "success_high", *shares, "env_steps", "minutes"]
+    columns = ["progress", "success", *shares, "env_steps", "minutes"]
     table = chosen.groupby(["task", "recipe"])[columns].mean()
     table.insert(0, "seeds", chosen.groupby(["task", "recipe"]).seed.nunique())
     return table

@@ -34,8 +34,8 @@ def turn_table(metrics: pd.DataFrame, task: str) -> pd.DataFrame:
     Returns:
         Index arm; means over seeds. Columns seeds, turns (of a seed), trial_progress (of the chain that goes on, over
         all turns: of an arm that rises early it is higher at the same end), kept (share of turns that the gate kept),
-        trial_steps (environment steps of a seed's trials) and auc (of the arm's signal, over the turns that have one;
-        nan where nothing signals).
+        trial_steps (environment steps of a seed's trials) and auc (of the arm's signal, over the turns that have one
+        and were kept; nan where nothing signals).
     """
     rows, lines = tried_turns(metrics, task), {}
     if rows.empty:
@@ -46,7 +46,8 @@ def turn_table(metrics: pd.DataFrame, task: str) -> pd.DataFrame:
         line["trial_progress"] = seeds["trial_progress"].mean().mean()
         line["kept"] = _mean_over_seeds(mine, ["accepted"])
         line["trial_steps"] = seeds["trial_steps"].sum().mean() if "trial_steps" in mine else math.nan
-        line["auc"] = _mean_over_seeds(mine, [name for name in mine if str(name).endswith(AUC)])
+        kept = mine[mine["accepted"] != 0] if "accepted" in mine else mine
+        line["auc"] = _mean_over_seeds(kept, [name for name in mine if str(name).endswith(AUC)])
         lines[str(arm)] = line
     return pd.DataFrame.from_dict(lines, orient="index").rename_axis("arm")
 

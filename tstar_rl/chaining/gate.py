@@ -38,12 +38,17 @@ class Judgement:
         return self.before if self.accepted is False else self.after
 
     def row(self, skill: int) -> dict[str, float]:
-        """The columns of the log after a turn of `skill`; its success is that from where the skill before ends."""
+        """The columns of the log after a turn of `skill`.
+
+        trial_before and trial_after are its success from where the skill before ends, tried_progress is that of the
+        chain as trained, which the gate judges, and trial_progress that of the chain that goes on.
+        """
         columns: dict[str, float] = {}
         if self.accepted is not None and self.before is not None and self.after is not None:
             columns["trial_before"] = self.before.skills[skill].success
             columns["trial_after"] = self.after.skills[skill].success
             columns["accepted"] = int(self.accepted)
+            columns["tried_progress"] = self.after.progress
         if self.kept is not None:
             columns["trial_progress"] = self.kept.progress
         return columns | {"trial_steps": self.steps}
@@ -66,7 +71,14 @@ class Gate:
         self.settings, self.run_trial = settings, run_trial
         self._known: Trial | None = None
 
-    def judge(self, turn: int, skill: int, undo: Callable[[], None], redo: Callable[[], None]) -> Judgement:
+    def judge(
+        self,
+        turn: int,
+        skill: int,
+        undo: Callable[[], None],
+        redo: Callable[[], None],
+        tried: Callable[[Trial], None] = lambda trial: None,
+    ) -> Judgement:
         """Judges turn number `turn`.
 
         Args:
@@ -74,15 +86,20 @@ class Gate:
             skill: that was trained in it.
             undo: puts back everything that the turn changed.
             redo: makes it as trained again, after `undo`.
+            tried: is given the trial of the chain as trained, while everything is as trained.
         """
         if not self.settings.rejects:
-            return self._measure(turn, skill)
+            judgement = self._measure(turn, skill)
+            if judgement.after is not None:
+                tried(judgement.after)
+            return judgement
         before = self._known
         if before is None:
             undo()
             before = self.run_trial(None, 0)
             redo()
         after = self.run_trial(before, skill)
+        tried(after)
         # What a resumed run repeats does not count.
         steps = after.steps(skill) + (before.steps() if turn == 0 else 0)
         accepted = after.progress >= before.progress - self.settings.margin

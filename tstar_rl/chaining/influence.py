@@ -26,7 +26,7 @@ class Influence(NamedTuple):
     starts: int
     """States from which it succeeded at least twice."""
     succeeded: float
-    """Share of all its terminal states from which the next skill succeeds."""
+    """Share of the terminal states behind these starts from which the next skill succeeds."""
     within: float
     """Share of the outcome's variance between runs from one start: 1, the skill decides it all; 0, nothing."""
 

@@ -133,7 +133,7 @@ class TurnUpdates(Training):
             cloning: how.
 
         Raises:
-            InvalidValueError: for another share, or if a gate judges the turn.
+            InvalidValueError: for another share, if a gate judges the turn, or if skills have more turns than one.
             RuntimeError: if the expert fails too often from there.
 
         Source: Ross et al. 2011, DAgger: demonstrations from the states that the learner gets into.
@@ -142,6 +142,10 @@ class TurnUpdates(Training):
             raise InvalidValueError(f"the share of demonstrations from ends must be in [0, 1], got {share}")
         if self.chain.gate.settings.rejects:
             raise InvalidValueError("a gate does not put back what is cloned in a turn: set chain.gate=false")
+        if self.chain.settings.rounds > 1:
+            raise InvalidValueError(
+                "a second turn would clone over what the first has learned: set chain.rounds=1"
+            )
         number = round(share * len(self.expert))
         if self.previous is None or not number or not len(self.previous.termination_set):
             return

@@ -49,20 +49,18 @@ class Turn(TurnUpdates):
 
     def _end(self) -> dict[str, float]:
         """Lets the gate judge; returns its columns."""
-        trained = self._state()
+        trained, found = self._state(), {}
         judgement = self.chain.gate.judge(
             self.run.turn,
             self.index,
             undo=lambda: self._load(self._before),
             redo=lambda: self._load(trained),
+            tried=lambda trial: found.update(self._say_how_the_next_does(trial)),
         )
         self.chain.turn_order.note(judgement.kept, self.index, judgement.accepted is not False)
-        row = judgement.row(self.index)
-        if judgement.after is None:
-            return row
-        row |= self._say_how_the_next_does(judgement.after)
-        self.chain.keep_outcomes(judgement.after, self.index if judgement.accepted is False else None)
-        return row
+        if judgement.after is not None:
+            self.chain.keep_outcomes(judgement.after, self.index if judgement.accepted is False else None)
+        return judgement.row(self.index) | found
 
     def _say_how_the_next_does(self, trial: Trial) -> dict[str, float]:
         """How the next skill did with the states it was handed in a trial, and what was said of them before."""
@@ -94,7 +92,7 @@ class Turn(TurnUpdates):
         return deepcopy(state | {name: each.state_dict() for name, each in updates.items()})
 
     def _load(self, state: dict[str, Any]) -> None:
-        """What `_state` gave. Updates that have been made since start with it anew."""
+        """What `_state` gave. An update that has been made since stays as it is."""
         state = deepcopy(state)
         self.skill.load_state_dict(state.pop("skill"))
         if self.following is not None:

@@ -48,6 +48,8 @@ LEAST = {
     "compared": 1,
     "states": 1,
     "draws": 1,
+    "influence_starts": 0,
+    "influence_times": 2,
     **{f"bench.{name}": 1 for name in ("steps", "rounds", "updates", "worker_steps", "single_steps")},
     **{f"growth.{name}": 1 for name in ("steps", "least", "rollouts", "rollout_envs", "rollout_horizon")},
 }
@@ -62,6 +64,9 @@ KINDS_OF_NUMBERS = {
     "training.demonstration_starts": "share",
     "bonus": "share",
     "hard_starts": "share",
+    "demonstrated_ends": "share",
+    "alpha": "not_negative",
+    "value_scale": "positive",
     "decay": "positive_share",
 }
 """Of each other number, its kind: see `checks.RANGES`."""

@@ -116,12 +116,19 @@ def evaluate(
 ) -> dict[str, Any]:
     """One episode of every simulation of `env` (from `with_starts`), summarised.
 
+    Args:
+        policy: reads and writes TensorDicts.
+        env: batch [N].
+        mode: of `MODES`.
+        each_step: see `run_episodes`.
+        links: number of subtasks that a shorter chain does, after which its episode is over; None: all.
+
     Raises:
         ValueError: if `mode` is not in `MODES`.
     """
     check_modes([mode])
     with set_exploration_type(MODES[mode]):
-        last = run_episodes(env, policy, each_step)
+        last = run_episodes(env, policy, each_step, enough=links)
     base = env.base_env
     return summarize(last, base.num_subtasks, getattr(base, "subtask", None), links)
 

@@ -11,7 +11,10 @@ from tstar_rl.rollouts.watching import EpisodeLog, Signal
 __all__ = ["Recorder"]
 
 STUCK = 200
-"""Control steps (10 s) after the last subtask done, where the film of a failure ends. The page plays all of it."""
+"""Control steps (20 s, 10 s of film) after the last subtask done, where the film of a failure ends.
+
+The page plays all of it.
+"""
 
 
 class Recorder:
@@ -22,15 +25,20 @@ class Recorder:
         number: how many simulations are recorded, from the first on; 0: none; None: all. That takes 4 (nq + 5) bytes a
             step of each: 31 MB for 200 episodes of 800 steps.
         signals: what else to show of each step, by name.
+        enough: see `EpisodeLog`.
     """
 
     def __init__(
-        self, env: Any, number: int | None = None, signals: Mapping[str, Signal] | None = None
+        self,
+        env: Any,
+        number: int | None = None,
+        signals: Mapping[str, Signal] | None = None,
+        enough: int | None = None,
     ) -> None:
         if number is not None and number < 0:
             raise ValueError(f"number must not be negative, got {number}")
         self.env, self.number = env, number
-        self.log = EpisodeLog(env, number, signals)
+        self.log = EpisodeLog(env, number, signals, enough)
 
     def __call__(self, tensordict: TensorDictBase) -> None:
         """Takes the step's TensorDict, batch [N]."""

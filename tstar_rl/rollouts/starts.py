@@ -86,13 +86,16 @@ def check_shares(shares: Mapping[str, float]) -> dict[str, float]:
 
 def make_starts(
     shares: Mapping[str, float], env: Any, termination_set: TerminationSet
-) -> tuple[Starts | None, float]:
+) -> tuple[Starts, float]:
     """The source of chained starts, and the probability of drawing from it instead of from the environment.
 
     Args:
         shares: by name, see `SOURCES`.
         env: that the Gaussian's draws are posed in.
         termination_set: of the skill before, read by handle.
+
+    Returns:
+        The source, and a probability of 0 where only the environment has a share.
 
     Source: the paper's appendix C: T-STAR 20% environment and 80% buffer, Policy Sequencing 20% and 80% Gaussian; the
     code released with it: 20%, 70% buffer, 10% Gaussian.
@@ -102,7 +105,7 @@ def make_starts(
     make = {"gaussian": lambda: TerminalGaussian(env, termination_set), "buffer": lambda: termination_set}
     sources = [make[name]() for name in chained]
     if not sources:
-        return None, 0.0
+        return termination_set, 0.0
     source = sources[0] if len(sources) == 1 else MixedStarts(sources, list(chained.values()))
     return source, 1.0 - whole["environment"]
 

@@ -27,12 +27,17 @@ class EpisodeLog:
         number: how many simulations are recorded, from the first on; None: all. That takes 4 (nq + 5) bytes a step of
             each.
         signals: what else to remember of each step, by name.
+        enough: subtasks after which an episode has succeeded and is over; None: the environment says when.
     """
 
     def __init__(
-        self, env: Any, number: int | None = None, signals: Mapping[str, Signal] | None = None
+        self,
+        env: Any,
+        number: int | None = None,
+        signals: Mapping[str, Signal] | None = None,
+        enough: int | None = None,
     ) -> None:
-        self.env, self.number, self.signals = env, number, dict(signals or {})
+        self.env, self.number, self.signals, self.enough = env, number, dict(signals or {}), enough
         self._states: dict[str, list[Tensor]] = {name: [] for name in ("positions", *_EACH_STATE)}
         self._steps: dict[str, list[Tensor]] = {name: [] for name in (*_EACH_STEP, *self.signals)}
 
@@ -45,6 +50,10 @@ class EpisodeLog:
         self._take_state(following)
         for name in _EACH_STEP:
             self._steps[name].append(_kept(following[name].squeeze(-1)))
+        if self.enough is not None:
+            over = _kept(following["completed"].squeeze(-1) >= self.enough)
+            for name in ("success", "done"):
+                self._steps[name][-1] |= over
         for name, signal in self.signals.items():
             self._steps[name].append(_kept(signal(step)))
 
