@@ -26,7 +26,7 @@ from tstar_rl.config.chain import chain_length
 from tstar_rl.config.load import plain, recipe
 from tstar_rl.launch.backends import launcher
 from tstar_rl.launch.side_by_side import Step, mean_bonus, run_side_by_side
-from tstar_rl.launch.steps import is_done, missing, step_config
+from tstar_rl.launch.steps import is_done, missing, passed_on, step_config
 from tstar_rl.rollouts.starts import check_shares
 from tstar_rl.runs.run_folder import run_path
 
@@ -39,8 +39,7 @@ TABLES = ("config.yaml", "metrics.csv", "evaluation.csv")
 @recipe("ablate", ablation=dict[str, Any] | None, all=bool, variants=tuple[str, ...] | None, processes=int)
 def main(config: DictConfig) -> None:
     """Makes the skills, then every variant, those that wait for another's mean bonus last."""
-    given = HydraConfig.get().overrides.task
-    shared = [value for value in given if value.split("=")[0].lstrip("+") not in OWN]
+    shared = passed_on(OWN)
     shared.insert(0, f"scale={HydraConfig.get().runtime.choices['scale']}")
     chosen = names() if config.all else sorted(config.get("ablation") or ())
     if not chosen:

@@ -9,14 +9,13 @@ goes on from its last checkpoint. With launch=ray the steps run wherever a clust
 import time
 from pathlib import Path
 
-from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
 from tstar_rl.config.load import recipe
 from tstar_rl.launch.backends import launcher
 from tstar_rl.launch.experiment import BONUS, with_bonus, without_bonus
 from tstar_rl.launch.side_by_side import Step, run_side_by_side
-from tstar_rl.launch.steps import missing
+from tstar_rl.launch.steps import missing, passed_on
 from tstar_rl.runs.csv_tables import append_rows
 
 OWN = ("processes", "seeds")  # values that only this recipe knows
@@ -26,8 +25,7 @@ OWN = ("processes", "seeds")  # values that only this recipe knows
 def main(config: DictConfig) -> None:
     """Runs the steps, as many at a time as there are processes, where they do not wait for each other."""
     began = time.perf_counter()
-    given = HydraConfig.get().overrides.task
-    shared = [value for value in given if value.split("=")[0] not in OWN]
+    shared = passed_on(OWN)
     subtasks = [f"subtask={index}" for index in range(config.task.subtasks)]
     kinds = f"kinds=[{config.demonstrations.kind}]"
     seeds = list(config.seeds or [config.seed])

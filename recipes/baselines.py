@@ -12,7 +12,7 @@ from omegaconf import DictConfig
 from tstar_rl.config.load import recipe
 from tstar_rl.launch.backends import launcher
 from tstar_rl.launch.side_by_side import Step, run_side_by_side
-from tstar_rl.launch.steps import missing
+from tstar_rl.launch.steps import missing, passed_on
 
 OWN = ("processes", "systems", "only", "subtask", "video")  # values that only this recipe knows
 
@@ -22,9 +22,7 @@ OWN = ("processes", "systems", "only", "subtask", "video")  # values that only t
 )
 def main(config: DictConfig) -> None:
     """Trains and evaluates those that are missing, some at a time."""
-    given = HydraConfig.get().overrides.task
-    shared = [value for value in given if value.split("=")[0].split(".")[0] not in (*OWN, "scale")]
-    shared.insert(0, f"scale={HydraConfig.get().runtime.choices['scale']}")
+    shared = [f"scale={HydraConfig.get().runtime.choices['scale']}", *passed_on((*OWN, "scale"))]
     unknown = [system for system in config.only or () if system not in config.systems]
     if unknown:
         raise SystemExit(f"there is no baseline {', '.join(unknown)}; there are {', '.join(config.systems)}")

@@ -43,6 +43,7 @@ from tqdm import tqdm
 from tstar_rl.config.build import environment
 from tstar_rl.config.load import recipe
 from tstar_rl.launch.side_by_side import run_recipe
+from tstar_rl.launch.steps import passed_on
 from tstar_rl.runs.csv_tables import append_rows
 from tstar_rl.seeds import derive_seed
 
@@ -54,7 +55,7 @@ BARE = {
     "single_dm": "bare_single",
 } | {f"bare_{under}": f"bare_{under}" for under in ("policy", "train", "chain", "single")}
 """The bare simulator under the same policy, of each measure where it is not `bare` (random actions)."""
-OWN = ("bench.", "subtask=", "training.")
+OWN = ("bench", "subtask", "training")
 """Beginnings of values that are not passed on: a chain has its own subtasks and number of simulations."""
 
 
@@ -84,7 +85,7 @@ class BenchSection:
 @recipe("bench", bench=BenchSection)
 def main(config: DictConfig) -> None:
     """Measures, prints and writes <results_dir>/bench.csv."""
-    given = [value for value in HydraConfig.get().overrides.task if not value.startswith(OWN)]
+    given = passed_on(OWN)
     rates: dict[str, list[float]] = {}
     here = [name for name in config.bench.measures if name != GPU]
     for name in tqdm(here, disable=not config.progress_bar):

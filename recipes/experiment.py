@@ -15,14 +15,13 @@ import threading
 import time
 from typing import Any
 
-from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.load import plain, recipe
 from tstar_rl.launch.experiment import parse_experiment, publish, with_bonus, without_bonus
 from tstar_rl.launch.side_by_side import Step, run_recipe, run_side_by_side
-from tstar_rl.launch.steps import is_done, step_config
+from tstar_rl.launch.steps import is_done, passed_on, step_config
 
 OWN = ("experiment", "processes", "minutes", "publish", "seeds", "tasks", "arms")
 
@@ -38,9 +37,7 @@ def main(config: DictConfig) -> None:
     declared = parse_experiment(plain(config)["experiment"])
     declared.check_arms(config.arms or ())
     end = None if config.minutes is None else time.monotonic() + 60 * config.minutes
-    given = [
-        value for value in HydraConfig.get().overrides.task if value.split("=")[0].split(".")[0] not in OWN
-    ]
+    given = passed_on(OWN)
     lanes: list[list[Step]] = []
     for task, seed in declared.lanes(config.seeds or (), config.tasks or ()):
         shared = [*declared.shared(task, seed), *given]

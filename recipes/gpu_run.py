@@ -15,12 +15,11 @@ from pathlib import Path
 
 import pandas as pd
 from hydra import compose
-from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
 from tstar_rl.config.load import recipe
 from tstar_rl.launch.side_by_side import Step, run_recipe
-from tstar_rl.launch.steps import is_done, run_folder, step_config, step_files
+from tstar_rl.launch.steps import is_done, passed_on, run_folder, step_config, step_files
 from tstar_rl.runs import checkpoint
 from tstar_rl.runs.csv_tables import append_rows
 from tstar_rl.runs.run_folder import run_path
@@ -33,7 +32,7 @@ MORE = 75  # EX_TEMPFAIL: call again
 def main(config: DictConfig) -> None:
     """Takes the steps that are missing, one after another, until the time is over."""
     end, whole = time.monotonic() + 60 * config.minutes, True
-    given = [value for value in HydraConfig.get().overrides.task if value.split("=")[0] not in OWN]
+    given = passed_on(OWN)
     for scale in config.scales:
         shared = [f"scale={scale}", *given]
         place = compose("recipe/gail_ppo", shared)

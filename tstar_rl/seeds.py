@@ -14,6 +14,7 @@ PURPOSES = (
     "updates",
     "chain",
     "export",
+    "collect",
 )
 
 

@@ -19,6 +19,21 @@ from tstar_rl.runs.checkpoint import CheckpointMismatchError
 SUBTASKS = 4
 
 
+def test_a_recipe_passes_on_what_is_not_its_own(monkeypatch):
+    given = [
+        "scale=quick",
+        "seeds=[0,1]",
+        "++seeds=[2]",
+        "+bench.steps=3",
+        "~minutes",
+        "seed=1",
+        "env.max_steps=4",
+    ]
+    hydra = type("Hydra", (), {"overrides": type("Overrides", (), {"task": given})})
+    monkeypatch.setattr(steps.HydraConfig, "get", lambda: hydra)
+    assert steps.passed_on(("seeds", "bench", "minutes")) == ["scale=quick", "seed=1", "env.max_steps=4"]
+
+
 @pytest.fixture
 def shared(tmp_path):
     """Values that every step is given, while Hydra's configs are there."""

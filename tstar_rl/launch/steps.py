@@ -3,13 +3,15 @@
 A step is a recipe and its values. Its own config says where its results lie, so that nothing is guessed from its words.
 """
 
-from collections.abc import Sequence
+import re
+from collections.abc import Container, Sequence
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 import yaml
 from hydra import compose
+from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
 from tstar_rl.config.build import demonstrations_path
@@ -20,11 +22,21 @@ from tstar_rl.runs.checkpoint import CheckpointMismatchError, differences
 from tstar_rl.runs.run import MACHINE_ONLY
 from tstar_rl.runs.run_folder import UNTRAINED, run_path
 
-__all__ = ["evaluated_runs", "is_done", "missing", "run_folder", "step_config", "step_files"]
+__all__ = ["evaluated_runs", "is_done", "missing", "passed_on", "run_folder", "step_config", "step_files"]
 
 ONE_POLICY = ("bc", "ppo", "gail", "gail_ppo", "spirl")
 CHAINING = ("chain", "terminal_reward", "d_omega", "skills")
 """Sections that the recipes of `ONE_POLICY` do not read. They may change after such a run has finished."""
+
+
+def passed_on(own: Container[str]) -> list[str]:
+    """The values on this recipe's command line that the recipes which it starts are given too.
+
+    Args:
+        own: keys and sections that only this recipe knows; values of these are left out.
+    """
+    given = HydraConfig.get().overrides.task
+    return [value for value in given if re.split(r"[.=]", value.lstrip("+~"), maxsplit=1)[0] not in own]
 
 
 def step_config(step: Step, shared: Sequence[str] = ()) -> DictConfig:

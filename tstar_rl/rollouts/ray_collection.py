@@ -118,7 +118,7 @@ class RayCollection:
         weights = self.ray.put(policy)
         starts = self.ray.put(None if self.before is None else self.before.state_dict())
         workers = self.collector.remote_collectors
-        seeds = [derive_seed(self.seed, "train", self.rollouts, index) for index in range(len(workers))]
+        seeds = [derive_seed(self.seed, "collect", self.rollouts, index) for index in range(len(workers))]
         pieces = [
             worker.collect.remote(weights, starts, seed) for worker, seed in zip(workers, seeds, strict=True)
         ]

@@ -12,7 +12,7 @@ from tstar_rl.analysis.turns import turn_table
 
 __all__ = ["costs", "draw_costs"]
 
-COST = "Progress with its 95% interval against environment steps: of skills, of fine-tuning and of the trials after turns."
+COST = "Progress with its 95% interval against environment steps: of skills, of fine-tuning and of trials after turns."
 
 
 def costs(metrics: pd.DataFrame, task: str, prefix: str) -> str:
