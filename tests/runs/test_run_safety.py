@@ -84,6 +84,18 @@ def test_a_damaged_newest_checkpoint_stops_a_run_that_resumes(tmp_path):
     assert a_run(tmp_path).start(module=torch.nn.Linear(1, 1)) == 10
 
 
+def test_a_best_whose_replacement_was_killed_is_there_after_a_resume(tmp_path):
+    module = a_run_that_saved(tmp_path)
+    work = tmp_path / "runs/table/chain/seed0"
+    checkpoint.save(work / "best", {"module": module}, {})
+    (work / "best").rename(work / ".best.old-0123456789abcdef0123456789abcdef")
+    lock.release(work)
+    a_run(tmp_path).start(module=torch.nn.Linear(1, 1))
+    loaded = torch.nn.Linear(1, 1)
+    checkpoint.load(work / "best", {"module": loaded})
+    assert torch.equal(loaded.weight, module.weight)
+
+
 def test_a_table_that_has_lost_rows_stops_a_run_that_resumes(tmp_path):
     a_run_that_saved(tmp_path)
     table = tmp_path / "results/table/chain/seed0/metrics.csv"

@@ -32,6 +32,7 @@ __all__ = [
     "is_checkpoint",
     "latest",
     "load",
+    "put_back",
     "read_record",
     "save",
     "save_step",
@@ -157,6 +158,14 @@ def _publish(stage: Path, destination: Path) -> None:
             os.replace(before, destination)
         raise
     shutil.rmtree(before, ignore_errors=True)
+
+
+def put_back(destination: Path) -> None:
+    """Puts back a checkpoint that had been moved aside for a new one, where a kill came before that took its place."""
+    if not destination.exists():
+        for left in destination.parent.glob(f".{destination.name}.old-*"):
+            os.replace(left, destination)
+            return
 
 
 def _remove_remains(destination: Path) -> None:

@@ -92,6 +92,8 @@ class Run:
             LogError: if a table of the run has lost rows.
         """
         self.components = {**components, "run": self, "rng": GlobalRNGState()}
+        for name in ("best", "last"):
+            checkpoint.put_back(self.work / name)
         found = checkpoint.latest(self.work / "checkpoints") if self.config["resume"] else None
         if found is None:
             shutil.rmtree(self.work / "checkpoints", ignore_errors=True)
