@@ -56,7 +56,7 @@ BARE = {
 } | {f"bare_{under}": f"bare_{under}" for under in ("policy", "train", "chain", "single")}
 """The bare simulator under the same policy, of each measure where it is not `bare` (random actions)."""
 OWN = ("bench", "subtask", "training")
-"""Beginnings of values that are not passed on: a chain has its own subtasks and number of simulations."""
+"""Sections and keys that are not passed on: a chain has its own subtasks and number of simulations."""
 
 
 @dataclass(frozen=True)

@@ -107,10 +107,19 @@ def test_which_terminal_states_are_kept(kept_states, point_chain, monkeypatch):
         assert chained == won if index == 0 else 0 < chained < won
 
 
-def test_where_no_start_is_chained_no_terminal_state_is_kept(point_chain):
+def test_where_no_start_is_chained_no_terminal_state_is_kept(point_chain, monkeypatch):
+    added = {}
+    log = Turn.log
+
+    def note(turn, rollout, row):
+        added[turn.index] = turn.skill.termination_set.added
+        log(turn, rollout, row)
+
+    monkeypatch.setattr(Turn, "log", note)
     starts = "chain.starts={environment: 1.0, gaussian: 0.0, buffer: 0.0}"
-    table = point_chain("tstar", "chain.gate=false", "chain.links=2", "chain.kept_states=chained", starts)
-    assert set(table.skill) == {0, 1}
+    values = ("chain.links=2", "chain.seed_episodes=0", "chain.kept_states=chained", starts)
+    point_chain("tstar", "chain.gate=false", *values)
+    assert added[0] > 0 and added[1] == 0
 
 
 def test_the_log_says_how_d_omega_does(point_chain):
