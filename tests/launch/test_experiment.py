@@ -50,6 +50,24 @@ def test_an_arm_may_start_from_other_skills():
     assert all("skills=bc" in step for step in steps[8:]) and "chain.gate=false" in steps[8]
 
 
+def test_an_arm_may_have_skills_of_its_own():
+    wide = {"name": "no_finetuning_wide", "recipe": "no_finetuning", "skill_overrides": ["env.arm_noise=0.8"]}
+    steps = parse_experiment({**SMALL, "arms": [*SMALL["arms"], wide]}).steps(1, 7, ["no_finetuning_wide"])
+    own = ("subtask=0", "demonstrations_dir=demonstrations/small/no_finetuning_wide", "env.arm_noise=0.8")
+    skills = "no_finetuning_wide/gail_ppo"
+    assert steps[3:] == [
+        ("make_demonstrations", *own),
+        ("gail_ppo", f"system={skills}", *own),
+        ("evaluate", f"system={skills}", *own, "video=false"),  # from the starts that they were trained from
+        (
+            "evaluate",
+            "system=no_finetuning_wide",
+            f"skills={skills}",
+            "video=false",
+        ),  # from those of all arms
+    ]
+
+
 def test_some_arms_alone():
     experiment = parse_experiment(SMALL)
     steps = experiment.steps(2, 7, ["tstar"])
@@ -94,6 +112,10 @@ def test_a_task_may_have_other_seeds_than_the_rest():
         ({"arm": []}, "experiment has no arm; it has name, page, scale"),
         ({"arms": [{"name": "a"}]}, "an arm of the experiment lacks recipe"),
         ({"arms": [{"name": "a", "recipe": "tstar"}] * 2}, "two arms of one name: a, a"),
+        (
+            {"arms": [{"name": "a", "recipe": "no_finetuning"}]},
+            "a trains nothing, so call it no_finetuning...",
+        ),
         (
             {"arms": [{"name": "a", "recipe": "policy_sequencing", "bonus_of": "b"}]},
             "a has the bonus of b; seed 7 has a",

@@ -37,14 +37,30 @@ class Arm:
     """None: those of the experiment."""
     skills: str = SKILLS
     """The recipe of the skills that it starts from. With `bc` its turns are all the training that they have."""
+    skill_overrides: tuple[str, ...] = ()
+    """Hydra overrides of its skills. These are then its own, as are the demonstrations that they are made from."""
 
-    def steps(self, subtasks: int) -> list[Step]:
-        """Training and evaluation, of a seed that is given with the values that all steps share."""
-        values = (f"system={self.name}", f"skills={self.skills}")
+    def steps(self, subtasks: int, demonstrations: str) -> list[Step]:
+        """Its training and evaluation.
+
+        Args:
+            subtasks: of the task.
+            demonstrations: the folder of the demonstrations that arms share; an arm's own lie below it.
+
+        Returns:
+            Steps less the values that all steps of a seed share.
+        """
+        skills = f"{self.name}/{self.skills}" if self.skill_overrides else self.skills
+        values = (f"system={self.name}", f"skills={skills}")
         bonus = () if self.bonus_of is None else (f"{BONUS}{self.bonus_of}",)
         own: list[Step] = []
-        if self.skills != SKILLS:
-            own = [(self.skills, f"subtask={index}") for index in range(subtasks)]
+        for one in (f"subtask={index}" for index in range(subtasks)):
+            if self.skill_overrides:
+                made = (one, f"demonstrations_dir={demonstrations}/{self.name}", *self.skill_overrides)
+                own += [("make_demonstrations", *made), (self.skills, f"system={skills}", *made)]
+                own += [("evaluate", f"system={skills}", *made, "video=false")]
+            elif self.skills != SKILLS:
+                own += [(self.skills, one)]
         if self.recipe != UNTRAINED:
             own.append((self.recipe, *values, *self.overrides, *bonus))
         return [*own, ("evaluate", *values, "video=false")]
@@ -116,7 +132,8 @@ class DeclaredExperiment:
             steps += [("make_demonstrations", one), (SKILLS, one)]
             steps += [("evaluate", f"system={SKILLS}", one, "video=false")]
         arms = [arm for arm in self.arms_of(seed) if only is None or arm.name in only]
-        return [*steps, *(step for arm in arms for step in arm.steps(subtasks))]
+        made = f"demonstrations/{self.name}"
+        return [*steps, *(step for arm in arms for step in arm.steps(subtasks, made))]
 
     def check_arms(self, names: Iterable[str]) -> None:
         """Raises InvalidValueError for a name that no arm has."""
@@ -131,7 +148,8 @@ def parse_experiment(values: Mapping[str, Any]) -> DeclaredExperiment:
 
     Raises:
         InvalidValueError: for a field that is not known or missing, seeds of a task that is not there, two arms of one
-            name, an arm whose bonus is that of an arm that does not exist or has other seeds.
+            name, an arm that trains nothing under a name of one that does, an arm whose bonus is that of an arm that
+            does not exist or has other seeds.
     """
     fields, arm_fields = DeclaredExperiment.__dataclass_fields__, Arm.__dataclass_fields__
     _check_names("experiment", values, fields, ("name", "page", "scale", "tasks", "seeds", "arms"))
@@ -142,6 +160,9 @@ def parse_experiment(values: Mapping[str, Any]) -> DeclaredExperiment:
     names = [arm.name for arm in arms]
     if len(set(names)) < len(names):
         raise InvalidValueError(f"experiment.arms has two arms of one name: {', '.join(names)}")
+    for arm in arms:
+        if arm.recipe == UNTRAINED and not arm.name.startswith(UNTRAINED):
+            raise InvalidValueError(f"experiment.arms: {arm.name} trains nothing, so call it {UNTRAINED}...")
     plain = {k: tuple(v) if isinstance(v, (list, tuple)) else v for k, v in values.items()}
     plain["seeds_by_task"] = {task: tuple(seeds) for task, seeds in values.get("seeds_by_task", {}).items()}
     unknown = sorted(set(plain["seeds_by_task"]) - set(plain["tasks"]))
