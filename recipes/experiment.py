@@ -19,7 +19,8 @@ from omegaconf import DictConfig
 
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.load import plain, recipe
-from tstar_rl.launch.experiment import parse_experiment, publish, with_bonus, without_bonus
+from tstar_rl.launch.experiment import publish, with_bonus, without_bonus
+from tstar_rl.launch.experiment_values import parse_experiment
 from tstar_rl.launch.side_by_side import Step, run_recipe, run_side_by_side
 from tstar_rl.launch.steps import is_done, passed_on, step_config
 

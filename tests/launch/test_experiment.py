@@ -6,7 +6,8 @@ import yaml
 from hydra import compose, initialize_config_dir
 
 from tstar_rl.config.load import CONFIGS, plain
-from tstar_rl.launch.experiment import parse_experiment, publish, with_bonus, without_bonus
+from tstar_rl.launch.experiment import publish, with_bonus, without_bonus
+from tstar_rl.launch.experiment_values import parse_experiment
 
 SMALL = {
     "name": "small",

@@ -8,13 +8,12 @@ import shutil
 from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.launch.side_by_side import Step, mean_bonus
 from tstar_rl.runs.run_folder import UNTRAINED, run_path
 
-__all__ = ["BONUS", "Arm", "DeclaredExperiment", "parse_experiment", "publish", "with_bonus", "without_bonus"]
+__all__ = ["BONUS", "Arm", "DeclaredExperiment", "publish", "with_bonus", "without_bonus"]
 
 SKILLS = "gail_ppo"
 TABLES = ("config.yaml", "metrics.csv", "evaluation.csv", "calibration.csv")
@@ -141,57 +140,6 @@ class DeclaredExperiment:
         unknown = [name for name in names if name not in known]
         if unknown:
             raise InvalidValueError(f"arms of {self.name} are {', '.join(known)}; got {', '.join(unknown)}")
-
-
-def parse_experiment(values: Mapping[str, Any]) -> DeclaredExperiment:
-    """An experiment from plain values, as in `configs/experiment`.
-
-    Raises:
-        InvalidValueError: for a field that is not known or missing, seeds of a task that is not there, two arms of one
-            name, an arm that trains nothing under a name of one that does, an arm whose bonus is that of an arm that
-            does not exist or has other seeds.
-    """
-    fields, arm_fields = DeclaredExperiment.__dataclass_fields__, Arm.__dataclass_fields__
-    _check_names("experiment", values, fields, ("name", "page", "scale", "tasks", "seeds", "arms"))
-    arms = []
-    for one in values["arms"]:
-        _check_names("an arm of the experiment", one, arm_fields, ("name", "recipe"))
-        arms.append(Arm(**{k: tuple(v) if isinstance(v, (list, tuple)) else v for k, v in one.items()}))
-    names = [arm.name for arm in arms]
-    if len(set(names)) < len(names):
-        raise InvalidValueError(f"experiment.arms has two arms of one name: {', '.join(names)}")
-    for arm in arms:
-        if arm.recipe == UNTRAINED and not arm.name.startswith(UNTRAINED):
-            raise InvalidValueError(f"experiment.arms: {arm.name} trains nothing, so call it {UNTRAINED}...")
-    plain = {k: tuple(v) if isinstance(v, (list, tuple)) else v for k, v in values.items()}
-    plain["seeds_by_task"] = {task: tuple(seeds) for task, seeds in values.get("seeds_by_task", {}).items()}
-    unknown = sorted(set(plain["seeds_by_task"]) - set(plain["tasks"]))
-    if unknown:
-        raise InvalidValueError(
-            f"experiment.seeds_by_task names {', '.join(unknown)}; tasks are {', '.join(plain['tasks'])}"
-        )
-    experiment = DeclaredExperiment(**{**plain, "arms": tuple(arms)})
-    paid = [arm.name for arm in arms if arm.bonus_of is not None]
-    for arm in arms:
-        if arm.bonus_of in paid:
-            raise InvalidValueError(
-                f"experiment.arms: {arm.name} has the bonus of {arm.bonus_of}, which is paid another's itself"
-            )
-        for seed in experiment.every_seed if arm.seeds is None else arm.seeds:
-            there = [each.name for each in experiment.arms_of(seed)]
-            if arm.bonus_of is not None and arm.bonus_of not in there:
-                raise InvalidValueError(
-                    f"experiment.arms: {arm.name} has the bonus of {arm.bonus_of}; seed {seed} has {', '.join(there)}"
-                )
-    return experiment
-
-
-def _check_names(what: str, values: Mapping[str, Any], known: Any, needed: tuple[str, ...]) -> None:
-    unknown = [str(name) for name in values if name not in known]
-    lacks = [name for name in needed if name not in values]
-    if unknown or lacks:
-        wrong = f"has no {', '.join(unknown)}" if unknown else f"lacks {', '.join(lacks)}"
-        raise InvalidValueError(f"{what} {wrong}; it has {', '.join(known)}")
 
 
 def without_bonus(step: Step) -> Step:
