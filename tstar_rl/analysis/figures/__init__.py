@@ -3,6 +3,7 @@
 from tstar_rl.analysis.figures.arms import ablation_figure, arms_figure, differences_figure
 from tstar_rl.analysis.figures.costs import cost_figure, steps_of_arms
 from tstar_rl.analysis.figures.curves import ablation_curves, learning_curves, seed_curves
+from tstar_rl.analysis.figures.headline import headline_figure
 from tstar_rl.analysis.figures.panels import save_figure
 from tstar_rl.analysis.figures.rise import rise_figure
 from tstar_rl.analysis.figures.seams import exchanged_figure
@@ -18,6 +19,7 @@ __all__ = [
     "differences_figure",
     "exchanged_figure",
     "hand_over_matrix",
+    "headline_figure",
     "learning_curves",
     "reliability_figure",
     "rise_figure",

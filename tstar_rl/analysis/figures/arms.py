@@ -21,37 +21,46 @@ from tstar_rl.analysis.figures.panels import (
 )
 from tstar_rl.analysis.statistics import profile_band
 
-__all__ = ["ablation_figure", "arms_figure", "differences_figure"]
+__all__ = [
+    "ablation_figure",
+    "arms_figure",
+    "differences_figure",
+    "draw_dots",
+    "draw_interval",
+    "name_rows",
+]
 
 KEY = (-0.14, -0.03)
 """Where the line of an arm's profile stands in its row, left of the middle panel and in parts of its width."""
+MOST_BANDS = 6
+"""Of more arms than these the bands of their profiles hide each other."""
 ONE = {"color": "C0", "marker": "o"}
 """Dots of a difference."""
 
 
-def _dots(axes: Axes, values: pd.Series, place: float, style: Mapping[str, Any]) -> None:
+def draw_dots(axes: Axes, values: pd.Series, place: float, style: Mapping[str, Any]) -> None:
     """The values of an arm's seeds, spread a little sidewards so that equal ones are seen."""
     offsets = np.linspace(-0.16, 0.16, len(values)) if len(values) > 1 else [0.0]
     axes.plot(values, place + np.asarray(offsets), linestyle="", markersize=4.5, alpha=0.75, mew=0, **style)
 
 
-def _interval(axes: Axes, row: pd.Series, measure: str, place: float) -> None:
+def draw_interval(axes: Axes, row: pd.Series, measure: str, place: float) -> None:
     """Interquartile mean and interval, as a bar below the dots."""
     ends = [[row[measure] - row[f"{measure}_low"]], [row[f"{measure}_high"] - row[measure]]]
     style = {"fmt": "|", "color": "black", "capsize": 3, "markersize": 9, "markeredgewidth": 1.5}
     axes.errorbar(row[measure], place + 0.32, xerr=np.clip(ends, 0, None), **style)
 
 
-def _names(axes: Axes, arms: Sequence[str], labels: Mapping[str, str] | None) -> None:
-    """Arms from top to bottom."""
-    axes.set_yticks(range(len(arms)), [(labels or {}).get(arm, readable(arm)) for arm in arms])
-    axes.set_ylim(len(arms) - 0.4, -0.5)
+def name_rows(axes: Axes, words: Sequence[str], **style: Any) -> None:
+    """What the rows are called, from top to bottom; `style` is that of the words."""
+    axes.set_yticks(range(len(words)), words, **style)
+    axes.set_ylim(len(words) - 0.4, -0.5)
 
 
 def _draw_arms(axes: Axes, rows: pd.DataFrame, measure: str) -> None:
     for place, (arm, row) in enumerate(arm_table(rows).iterrows()):
-        _dots(axes, rows[rows["arm"] == arm].sort_values("seed")[measure], place, arm_dots(place))
-        _interval(axes, row, measure, place)
+        draw_dots(axes, rows[rows["arm"] == arm].sort_values("seed")[measure], place, arm_dots(place))
+        draw_interval(axes, row, measure, place)
     axes.set(xlabel=measure, xlim=(-0.02, 1.02))
 
 
@@ -59,7 +68,8 @@ def arms_figure(rows: pd.DataFrame, labels: Mapping[str, str] | None = None) -> 
     """Progress and success of the arms of one task, and the performance profile of progress.
 
     A dot is a seed; below the dots stand the interquartile mean and its 95% interval. The profile is the share of
-    seeds whose progress is above a value, with its pointwise 95% band; its lines are named in the rows of the arms.
+    seeds whose progress is above a value; its lines are named in the rows of the arms. With few arms it has its
+    pointwise 95% band too.
 
     Args:
         rows: see `experiments.arm_table`.
@@ -70,11 +80,11 @@ def arms_figure(rows: pd.DataFrame, labels: Mapping[str, str] | None = None) -> 
     progress, success, profile = grid[0]
     for axes, measure in ((progress, "progress"), (success, "success")):
         _draw_arms(axes, rows, measure)
-        _names(axes, list(scores), labels)
+        name_rows(axes, [(labels or {}).get(arm, readable(arm)) for arm in scores])
     success.set_yticklabels([" " * 8] * len(scores))
     for place, seeds in enumerate(scores.values()):
         band = profile_band(list(seeds.values()), THRESHOLDS, np.random.default_rng(SEED))
-        draw_profile(profile, place, band)
+        draw_profile(profile, place, band if len(scores) <= MOST_BANDS else band[:1])
         beside = {"transform": success.get_yaxis_transform(), "clip_on": False}
         success.plot(KEY, [place] * 2, **beside, **arm_line(place))
     profile.set(xlabel="progress above", ylabel="share of seeds", xlim=(0, 1), ylim=(-0.02, 1.04))
@@ -98,7 +108,7 @@ def differences_figure(
     figure, grid = panels(1, 1, (8, 1.4 + 0.55 * len(table)))
     axes = grid[0, 0]
     for place, (_, row) in enumerate(table.iterrows()):
-        _dots(axes, (by_seed[row["first"]] - by_seed[row["second"]]).dropna(), place, ONE)
+        draw_dots(axes, (by_seed[row["first"]] - by_seed[row["second"]]).dropna(), place, ONE)
         mean = row["difference"]
         ends = np.clip([[mean - row["low"]], [row["high"] - mean]], 0, None)
         if np.isfinite(row["t_half"]):
@@ -109,8 +119,7 @@ def differences_figure(
         f"{named.get(row.first, readable(row.first))}\nless {named.get(row.second, readable(row.second))}"
         for row in table.itertuples()
     ]
-    axes.set_yticks(range(len(table)), words, fontsize=8)
-    axes.set_ylim(len(table) - 0.4, -0.5)
+    name_rows(axes, words, fontsize=8)
     axes.axvline(0, color="black", linewidth=0.8)
     axes.set_xlabel("difference in progress, same seed (black: bootstrap, grey: Student's t, 95%)")
     return figure
@@ -127,7 +136,7 @@ def ablation_figure(rows: pd.DataFrame) -> Figure:
         part = as_arms(rows[rows["task"] == task])
         for axes, measure in zip(line, ("progress", "success"), strict=True):
             _draw_arms(axes, part, measure)
-            _names(axes, list(dict.fromkeys(part["arm"])), None)
+            name_rows(axes, [readable(arm) for arm in dict.fromkeys(part["arm"])])
             axes.set_title(f"{task}: {measure}", fontsize=9)
         line[1].set_yticklabels([])
     return figure

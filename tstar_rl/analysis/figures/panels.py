@@ -41,17 +41,19 @@ def arm_dots(place: int) -> dict[str, Any]:
 
 
 def draw_profile(axes: Axes, place: int, profile: Sequence[NDArray[np.float64]]) -> None:
-    """A performance profile in the line of an arm, with its band.
+    """A performance profile in the line of an arm.
 
     Args:
         axes: where.
         place: of the arm.
-        profile: share of runs above each of `THRESHOLDS`, and the lower and upper end of its band, each (101,).
+        profile: share of runs above each of `THRESHOLDS`, and, where they are drawn, the lower and the upper end of its
+            band, each (101,).
     """
-    share, low, high = profile
+    share, *band = profile
     axes.step(THRESHOLDS, share, where="post", **arm_line(place))
-    colour = arm_line(place)["color"]
-    axes.fill_between(THRESHOLDS, low, high, step="post", color=colour, alpha=0.1, linewidth=0)
+    if band:
+        colour = arm_line(place)["color"]
+        axes.fill_between(THRESHOLDS, *band, step="post", color=colour, alpha=0.1, linewidth=0)
 
 
 def arm_legend(axes: Axes) -> None:

@@ -7,6 +7,7 @@ from typing import TypeVar
 
 import yaml
 
+from tstar_rl.analysis.page.headline import Headline, parse_headline
 from tstar_rl.analysis.questions import Question
 from tstar_rl.analysis.task_questions import TaskQuestion
 from tstar_rl.runs.run_folder import UNTRAINED
@@ -67,6 +68,8 @@ class Contents:
     experiments: tuple[Entry, ...]
     readme: dict[str, tuple[str, ...]] = field(default_factory=dict)
     """Folders whose short tables the README shows, and which arms of each; none named: all."""
+    headline: Headline | None = None
+    """The page's first figure."""
 
 
 def read_contents(root: str | Path) -> Contents:
@@ -77,7 +80,8 @@ def read_contents(root: str | Path) -> Contents:
 
     Raises:
         FileNotFoundError: if there is no such file, or an experiment's folder has no README.md.
-        ValueError: for an unknown field or value, and for a folder of results that the file does not name.
+        ValueError: for an unknown field or value, for a folder of results that the file does not name, and what
+            `parse_headline` raises.
     """
     root = Path(root)
     file = root / FILE
@@ -96,7 +100,8 @@ def read_contents(root: str | Path) -> Contents:
         raise ValueError(
             f"{file}: readme names {', '.join(sorted(set(readme) - named))}; there are {sorted(named)}"
         )
-    return Contents(entries, {folder: tuple(arms or ()) for folder, arms in readme.items()})
+    headline = parse_headline(root, values["headline"]) if "headline" in values else None
+    return Contents(entries, {folder: tuple(arms or ()) for folder, arms in readme.items()}, headline)
 
 
 def _entry(root: Path, one: dict) -> Entry:

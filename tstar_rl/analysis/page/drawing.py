@@ -55,8 +55,11 @@ def draw_page(root: Path, paper: Paper, figures: Path) -> list[Path]:
         paper: docs/paper_results.yaml.
         figures: folder of the PNG files.
     """
+    contents = read_contents(root)
     found = []
-    for entry in read_contents(root).experiments:
+    if contents.headline:
+        found.append(save_figure(contents.headline.figure(), figures / "headline.png"))
+    for entry in contents.experiments:
         if entry.kind == "ablations":
             continue
         if entry.kind == "experiment":

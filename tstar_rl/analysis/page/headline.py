@@ -1,0 +1,55 @@
+"""The page's first figure: which arms and differences it shows, from contents.yaml."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from tstar_rl.analysis.experiments import read_experiment
+from tstar_rl.analysis.figures import headline_figure
+
+__all__ = ["Headline", "parse_headline"]
+
+
+@dataclass(frozen=True)
+class Headline:
+    """A few arms of an experiment on one task, and the differences that answer its questions."""
+
+    folder: Path
+    task: str
+    margin: float
+    """A difference smaller than this does not matter."""
+    arms: Mapping[str, str]
+    """Names of arms, and what each is called here."""
+    differences: Mapping[str, tuple[str, str]]
+    """What each is called; the first arm less the second."""
+
+    def figure(self) -> Figure:
+        """Of the last checkpoints; see `headline_figure`."""
+        rows = read_experiment(self.folder).chosen(self.task)
+        return headline_figure(rows, self.arms, self.differences, self.margin)
+
+
+def parse_headline(root: Path, values: Mapping[str, Any]) -> Headline:
+    """From the item `headline` of contents.yaml.
+
+    Args:
+        root: of the published results.
+        values: plain values.
+
+    Raises:
+        ValueError: for a field that is missing or not known, and for a difference that is not of two arms.
+    """
+    valid = [each.name for each in fields(Headline)]
+    wrong = sorted(set(valid) ^ set(values))
+    if wrong:
+        raise ValueError(
+            f"headline has {', '.join(valid)}; of these are missing or unknown: {', '.join(wrong)}"
+        )
+    for words, pair in values["differences"].items():
+        if len(pair) != 2:
+            raise ValueError(f"headline: the difference {words!r} must be of two arms, got {pair}")
+    differences = {words: (str(one), str(other)) for words, (one, other) in values["differences"].items()}
+    return Headline(**{**values, "folder": root / values["folder"], "differences": differences})
