@@ -46,9 +46,10 @@ def test_an_arm_may_start_from_other_skills():
         "overrides": ["chain.gate=false"],
     }
     steps = parse_experiment({**SMALL, "arms": [*SMALL["arms"], outset]}).steps(2, 7, ["outset"])
-    assert [step[0] for step in steps[6:]] == ["bc", "bc", "policy_sequencing", "evaluate"]
-    assert steps[6:8] == [("bc", "subtask=0"), ("bc", "subtask=1")]
-    assert all("skills=bc" in step for step in steps[8:]) and "chain.gate=false" in steps[8]
+    made = ["make_demonstrations"] * 2  # no gail_ppo: nobody starts from its skills
+    assert [step[0] for step in steps] == [*made, "bc", "bc", "policy_sequencing", "evaluate"]
+    assert steps[2:4] == [("bc", "subtask=0"), ("bc", "subtask=1")]
+    assert all("skills=bc" in step for step in steps[4:]) and "chain.gate=false" in steps[4]
 
 
 def test_an_arm_may_have_skills_of_its_own():
@@ -56,7 +57,7 @@ def test_an_arm_may_have_skills_of_its_own():
     steps = parse_experiment({**SMALL, "arms": [*SMALL["arms"], wide]}).steps(1, 7, ["no_finetuning_wide"])
     own = ("subtask=0", "demonstrations_dir=demonstrations/small/no_finetuning_wide", "env.arm_noise=0.8")
     skills = "no_finetuning_wide/gail_ppo"
-    assert steps[3:] == [
+    assert steps == [
         ("make_demonstrations", *own),
         ("gail_ppo", f"system={skills}", *own),
         ("evaluate", f"system={skills}", *own, "video=false"),  # from the starts that they were trained from
@@ -67,6 +68,27 @@ def test_an_arm_may_have_skills_of_its_own():
             "video=false",
         ),  # from those of all arms
     ]
+
+
+def test_an_arm_may_start_from_the_skills_of_another():
+    wide = {"name": "no_finetuning_wide", "recipe": "no_finetuning", "skill_overrides": ["env.arm_noise=0.8"]}
+    mended = {"name": "mended", "recipe": "policy_sequencing", "skills_of": "no_finetuning_wide"}
+    experiment = parse_experiment({**SMALL, "arms": [mended, wide]})
+    own = [step for step in experiment.steps(1, 7, ["no_finetuning_wide"]) if step[1].endswith("gail_ppo")]
+    both, alone = (experiment.steps(1, 7, arms) for arms in (None, ["mended"]))
+    names = [step[0] for step in both]
+    assert names == [
+        "make_demonstrations",
+        "gail_ppo",
+        "evaluate",
+        "policy_sequencing",
+        "evaluate",
+        "evaluate",
+    ]
+    assert own == [step for step in both if step[1].endswith("gail_ppo")]  # made once
+    assert alone == both[:5]
+    values = ("system=mended", "skills=no_finetuning_wide/gail_ppo")
+    assert both[3][1:] == (*values, "demonstrations_dir=demonstrations/small/no_finetuning_wide")
 
 
 def test_some_arms_alone():
@@ -116,6 +138,10 @@ def test_a_task_may_have_other_seeds_than_the_rest():
         (
             {"arms": [{"name": "a", "recipe": "no_finetuning"}]},
             "a trains nothing, so call it no_finetuning...",
+        ),
+        (
+            {"arms": [{"name": "a", "recipe": "tstar", "skills_of": "b"}, {"name": "b", "recipe": "tstar"}]},
+            "a has the skills of b; .* arms with skills of their own are none",
         ),
         (
             {"arms": [{"name": "a", "recipe": "policy_sequencing", "bonus_of": "b"}]},
@@ -175,7 +201,7 @@ def test_every_declared_experiment_can_be_run(path):
     seed = experiment.seeds[0]
     with initialize_config_dir(str(CONFIGS), version_base="1.3"):
         for task in experiment.tasks:
-            arms = None if task == experiment.tasks[0] else []
+            arms = None if task == experiment.tasks[0] else ["no_finetuning"]
             for step in experiment.steps(1, seed, arms):
                 values = [*experiment.shared(task, seed), *without_bonus(step)[1:]]
                 config = compose(f"recipe/{step[0]}", values)

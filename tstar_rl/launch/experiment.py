@@ -38,31 +38,48 @@ class Arm:
     """The recipe of the skills that it starts from. With `bc` its turns are all the training that they have."""
     skill_overrides: tuple[str, ...] = ()
     """Hydra overrides of its skills. These are then its own, as are the demonstrations that they are made from."""
+    skills_of: str | None = None
+    """Starts from another arm's own skills, and learns from their demonstrations."""
 
-    def steps(self, subtasks: int, demonstrations: str) -> list[Step]:
-        """Its training and evaluation.
+    @property
+    def owner(self) -> str | None:
+        """The arm whose own skills and demonstrations it has; None: those that arms share."""
+        return self.skills_of or (self.name if self.skill_overrides else None)
+
+    def own_skills(self, subtasks: int, demonstrations: str) -> list[Step]:
+        """Demonstrations, training and evaluation of skills of its own.
 
         Args:
             subtasks: of the task.
-            demonstrations: the folder of the demonstrations that arms share; an arm's own lie below it.
+            demonstrations: the folder of the demonstrations that arms share; its own lie below it.
 
         Returns:
-            Steps less the values that all steps of a seed share.
+            Steps less the values that all steps of a seed share; so in the other methods.
         """
-        skills = f"{self.name}/{self.skills}" if self.skill_overrides else self.skills
+        steps: list[Step] = []
+        system = f"system={self.name}/{self.skills}"
+        for index in range(subtasks):
+            made = (
+                f"subtask={index}",
+                f"demonstrations_dir={demonstrations}/{self.name}",
+                *self.skill_overrides,
+            )
+            steps += [("make_demonstrations", *made), (self.skills, system, *made)]
+            steps += [("evaluate", system, *made, "video=false")]
+        return steps
+
+    def steps(self, subtasks: int, demonstrations: str) -> list[Step]:
+        """Its training and evaluation, once the skills that it starts from are there; see `own_skills`."""
+        skills = f"{self.owner}/{self.skills}" if self.owner else self.skills
         values = (f"system={self.name}", f"skills={skills}")
         bonus = () if self.bonus_of is None else (f"{BONUS}{self.bonus_of}",)
-        own: list[Step] = []
-        for one in (f"subtask={index}" for index in range(subtasks)):
-            if self.skill_overrides:
-                made = (one, f"demonstrations_dir={demonstrations}/{self.name}", *self.skill_overrides)
-                own += [("make_demonstrations", *made), (self.skills, f"system={skills}", *made)]
-                own += [("evaluate", f"system={skills}", *made, "video=false")]
-            elif self.skills != SKILLS:
-                own += [(self.skills, one)]
+        shown = (f"demonstrations_dir={demonstrations}/{self.owner}",) if self.owner else ()
+        steps: list[Step] = []
+        if self.skills != SKILLS and not self.owner:
+            steps += [(self.skills, f"subtask={index}") for index in range(subtasks)]
         if self.recipe != UNTRAINED:
-            own.append((self.recipe, *values, *self.overrides, *bonus))
-        return [*own, ("evaluate", *values, "video=false")]
+            steps.append((self.recipe, *values, *shown, *self.overrides, *bonus))
+        return [*steps, ("evaluate", *values, "video=false")]
 
 
 @dataclass(frozen=True)
@@ -124,14 +141,17 @@ class DeclaredExperiment:
         return sorted(chosen, key=lambda arm: arm.bonus_of is not None)
 
     def steps(self, subtasks: int, seed: int, only: Container[str] | None = None) -> list[Step]:
-        """Demonstrations, skills and their evaluations, then every arm, or those named, one after another."""
-        steps: list[Step] = []
-        for index in range(subtasks):
-            one = f"subtask={index}"
-            steps += [("make_demonstrations", one), (SKILLS, one)]
-            steps += [("evaluate", f"system={SKILLS}", one, "video=false")]
+        """What a seed's arms, or those named, need, each once: demonstrations, skills, then one arm after another."""
         arms = [arm for arm in self.arms_of(seed) if only is None or arm.name in only]
-        made = f"demonstrations/{self.name}"
+        sharing, made = [arm for arm in arms if arm.owner is None], f"demonstrations/{self.name}"
+        steps: list[Step] = []
+        for one in (f"subtask={index}" for index in range(subtasks)):
+            steps += [("make_demonstrations", one)] if sharing else []
+            if any(arm.skills == SKILLS for arm in sharing):
+                steps += [(SKILLS, one), ("evaluate", f"system={SKILLS}", one, "video=false")]
+        owners = {arm.owner for arm in arms}
+        for arm in self.arms:
+            steps += arm.own_skills(subtasks, made) if arm.name in owners else []
         return [*steps, *(step for arm in arms for step in arm.steps(subtasks, made))]
 
     def check_arms(self, names: Iterable[str]) -> None:

@@ -16,7 +16,7 @@ def parse_experiment(values: Mapping[str, Any]) -> DeclaredExperiment:
     Raises:
         InvalidValueError: for a field that is not known or missing, seeds of a task that is not there, two arms of one
             name, an arm that trains nothing under a name of one that does, an arm whose bonus is that of an arm that
-            does not exist or has other seeds.
+            does not exist or has other seeds, an arm with the skills of one that has none of its own.
     """
     fields = DeclaredExperiment.__dataclass_fields__
     _check_names("experiment", values, fields, ("name", "page", "scale", "tasks", "seeds", "arms"))
@@ -42,10 +42,17 @@ def _parse_arm(values: Mapping[str, Any]) -> Arm:
 
 
 def _check_arms(experiment: DeclaredExperiment) -> None:
-    """Raises InvalidValueError for two arms of one name, or an arm whose bonus some seed of it cannot know."""
+    """Raises InvalidValueError for two arms of one name, or one whose skills or whose bonus some seed cannot know."""
     names = [arm.name for arm in experiment.arms]
     if len(set(names)) < len(names):
         raise InvalidValueError(f"experiment.arms has two arms of one name: {', '.join(names)}")
+    owners = [arm.name for arm in experiment.arms if arm.skill_overrides]
+    for arm in experiment.arms:
+        if arm.skills_of is not None and (arm.skill_overrides or arm.skills_of not in owners):
+            raise InvalidValueError(
+                f"experiment.arms: {arm.name} has the skills of {arm.skills_of}; it may have no skill_overrides then, "
+                f"and arms with skills of their own are {', '.join(owners) or 'none'}"
+            )
     paid = [arm for arm in experiment.arms if arm.bonus_of is not None]
     for arm in paid:
         if arm.bonus_of in [other.name for other in paid]:
