@@ -70,6 +70,16 @@ def test_an_arm_may_have_skills_of_its_own():
     ]
 
 
+def test_the_first_skill_of_an_arm_may_be_trained_like_that_of_others():
+    wide = {"name": "wide", "recipe": "policy_sequencing", "later_skill_overrides": ["env.arm_noise=0.8"]}
+    steps = parse_experiment({**SMALL, "arms": [wide]}).steps(3, 7)
+    assert [step[0] for step in steps[-2:]] == ["policy_sequencing", "evaluate"]
+    noisy = [(step[0], "env.arm_noise=0.8" in step) for step in steps[:-2]]
+    names = ("make_demonstrations", "gail_ppo", "evaluate")
+    assert noisy == [(name, index > 0) for index in range(3) for name in names]
+    assert "skills=wide/gail_ppo" in steps[-1] and "env.arm_noise=0.8" not in steps[-2]
+
+
 def test_an_arm_may_start_from_the_skills_of_another():
     wide = {"name": "no_finetuning_wide", "recipe": "no_finetuning", "skill_overrides": ["env.arm_noise=0.8"]}
     mended = {"name": "mended", "recipe": "policy_sequencing", "skills_of": "no_finetuning_wide"}

@@ -38,13 +38,20 @@ class Arm:
     """The recipe of the skills that it starts from. With `bc` its turns are all the training that they have."""
     skill_overrides: tuple[str, ...] = ()
     """Hydra overrides of its skills. These are then its own, as are the demonstrations that they are made from."""
+    later_skill_overrides: tuple[str, ...] = ()
+    """The same of its skills but the first, which begins where the task does."""
     skills_of: str | None = None
     """Starts from another arm's own skills, and learns from their demonstrations."""
 
     @property
     def owner(self) -> str | None:
         """The arm whose own skills and demonstrations it has; None: those that arms share."""
-        return self.skills_of or (self.name if self.skill_overrides else None)
+        return self.skills_of or (self.name if self.has_own_skills else None)
+
+    @property
+    def has_own_skills(self) -> bool:
+        """Whether skills are trained for it."""
+        return bool(self.skill_overrides or self.later_skill_overrides)
 
     def own_skills(self, subtasks: int, demonstrations: str) -> list[Step]:
         """Demonstrations, training and evaluation of skills of its own.
@@ -59,11 +66,8 @@ class Arm:
         steps: list[Step] = []
         system = f"system={self.name}/{self.skills}"
         for index in range(subtasks):
-            made = (
-                f"subtask={index}",
-                f"demonstrations_dir={demonstrations}/{self.name}",
-                *self.skill_overrides,
-            )
+            overrides = (*self.skill_overrides, *(self.later_skill_overrides if index else ()))
+            made = (f"subtask={index}", f"demonstrations_dir={demonstrations}/{self.name}", *overrides)
             steps += [("make_demonstrations", *made), (self.skills, system, *made)]
             steps += [("evaluate", system, *made, "video=false")]
         return steps

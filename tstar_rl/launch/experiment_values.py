@@ -46,12 +46,12 @@ def _check_arms(experiment: DeclaredExperiment) -> None:
     names = [arm.name for arm in experiment.arms]
     if len(set(names)) < len(names):
         raise InvalidValueError(f"experiment.arms has two arms of one name: {', '.join(names)}")
-    owners = [arm.name for arm in experiment.arms if arm.skill_overrides]
+    owners = [arm.name for arm in experiment.arms if arm.has_own_skills]
     for arm in experiment.arms:
-        if arm.skills_of is not None and (arm.skill_overrides or arm.skills_of not in owners):
+        if arm.skills_of is not None and (arm.has_own_skills or arm.skills_of not in owners):
             raise InvalidValueError(
-                f"experiment.arms: {arm.name} has the skills of {arm.skills_of}; it may have no skill_overrides then, "
-                f"and arms with skills of their own are {', '.join(owners) or 'none'}"
+                f"experiment.arms: {arm.name} has the skills of {arm.skills_of}; it may have no overrides of skills "
+                f"then, and arms with skills of their own are {', '.join(owners) or 'none'}"
             )
     paid = [arm for arm in experiment.arms if arm.bonus_of is not None]
     for arm in paid:
