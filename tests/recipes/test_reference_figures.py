@@ -2,19 +2,26 @@
 
 A commit that is to change figures writes them anew and says so; one that moves code must not. To write them:
 `python tests/recipes/test_reference_figures.py`.
+
+MKL and torch choose their code by the processor that they find, and the last bits differ. So these figures come from a
+process in which all three choices are made for them: see docs/decisions/0025-same-bits-elsewhere.md.
 """
 
+import os
 import runpy
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
-import torch
-from hydra import compose, initialize_config_dir
-
-from tstar_rl.config.load import CONFIGS
 
 ROOT = Path(__file__).resolve().parents[2]
 REFERENCE = ROOT / "tests" / "data" / "reference"
+EVERY_PROCESSOR = {
+    "MKL_CBWR": "COMPATIBLE",  # matrix products
+    "MKL_VML_DEBUG_CPU_TYPE": "1",  # square roots and the like
+    "ATEN_CPU_CAPABILITY": "default",  # torch's own
+}
 SMALL = [
     "scale=quick",
     "progress_bar=false",
@@ -28,16 +35,19 @@ SMALL = [
     "chain.trial_episodes=16",
     "chain.links=2",
 ]
+CHAINS = {"tstar": (), "policy_sequencing": ("bonus=0.4",)}
 
 
 def run(folder: Path, recipe: str, *values: str) -> None:
     """Runs a recipe in this process, as its command would."""
+    from hydra import compose, initialize_config_dir
+
+    from tstar_rl.config.load import CONFIGS
+
     places = [f"{place}_dir={folder / place}" for place in ("results", "runs", "demonstrations")]
     with initialize_config_dir(str(CONFIGS), version_base="1.3"):
         config = compose(f"recipe/{recipe}", [*SMALL, *places, *values])
-    threads = torch.get_num_threads()
     runpy.run_path(str(ROOT / "recipes" / f"{recipe}.py"))["main"].__wrapped__(config)
-    torch.set_num_threads(threads)
 
 
 def make_skill(folder: Path, subtask: int) -> str:
@@ -47,33 +57,59 @@ def make_skill(folder: Path, subtask: int) -> str:
     return (folder / f"results/table_lack/gail_ppo/seed0/subtask{subtask}/metrics.csv").read_text()
 
 
-def make_chain(folder: Path, recipe: str, *values: str) -> str:
-    """The table of a chain of two skills, which lie in `folder`."""
-    run(folder, recipe, *values)
-    return (folder / f"results/table_lack/{recipe}/seed0/metrics.csv").read_text()
+def make_tables(folder: Path, chains: bool) -> dict[str, str]:
+    """The table of a skill, and with `chains` those of chains of two, by the names of their reference files."""
+    tables = {"skill": make_skill(folder, 0)}
+    if chains:
+        make_skill(folder, 1)
+    for recipe, values in CHAINS.items() if chains else ():
+        run(folder, recipe, *values)
+        tables[recipe] = (folder / f"results/table_lack/{recipe}/seed0/metrics.csv").read_text()
+    return tables
 
 
-CHAINS = {"tstar": (), "policy_sequencing": ("bonus=0.4",)}
+def make_elsewhere(folder: Path, chains: bool) -> dict[str, str]:
+    """`make_tables` in a process that uses only what every processor has; its tables are left in `folder`/tables."""
+    command = [sys.executable, __file__, str(folder), *(["chains"] if chains else [])]
+    done = subprocess.run(
+        command, env=os.environ | EVERY_PROCESSOR, cwd=folder, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return {file.stem: file.read_text() for file in (folder / "tables").iterdir()}
+
+
+def check_tables(tables: dict[str, str]) -> None:
+    """Against the reference, all of them before it is said which differ."""
+    differ = [name for name, table in tables.items() if table != (REFERENCE / f"{name}.csv").read_text()]
+    assert not differ
 
 
 def test_a_skill(tmp_path):
-    assert make_skill(tmp_path, 0) == (REFERENCE / "skill.csv").read_text()
+    tables = make_elsewhere(tmp_path, chains=False)
+    assert list(tables) == ["skill"]
+    check_tables(tables)
 
 
 @pytest.mark.slow
 def test_chains(tmp_path):
-    for subtask in range(2):
-        make_skill(tmp_path, subtask)
-    for recipe, values in CHAINS.items():
-        assert make_chain(tmp_path, recipe, *values) == (REFERENCE / f"{recipe}.csv").read_text(), recipe
+    tables = make_elsewhere(tmp_path, chains=True)
+    assert sorted(tables) == ["policy_sequencing", "skill", "tstar"]
+    check_tables(tables)
+
+
+def main(folder: Path, chains: bool) -> None:
+    """Leaves the tables in `folder`/tables, a CSV file each."""
+    (folder / "tables").mkdir()
+    for name, table in make_tables(folder, chains).items():
+        (folder / "tables" / f"{name}.csv").write_text(table)
 
 
 if __name__ == "__main__":
-    import tempfile
+    if len(sys.argv) > 1:
+        main(Path(sys.argv[1]), "chains" in sys.argv[2:])
+    else:
+        import tempfile
 
-    REFERENCE.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory() as name:
-        tables = [make_skill(Path(name), subtask) for subtask in range(2)]
-        (REFERENCE / "skill.csv").write_text(tables[0])
-        for recipe, values in CHAINS.items():
-            (REFERENCE / f"{recipe}.csv").write_text(make_chain(Path(name), recipe, *values))
+        with tempfile.TemporaryDirectory() as name:
+            for stem, table in make_elsewhere(Path(name), chains=True).items():
+                (REFERENCE / f"{stem}.csv").write_text(table)
