@@ -38,6 +38,18 @@ SMALL = [
     "d_omega.gradient_penalty=0.1",
 ]
 """Two rollouts of 512 steps a turn; an episode takes three or four steps."""
+NETWORKS = NetworkSettings(
+    hidden=(16,), discriminator_hidden=(16,), std="fixed", action_std=0.3, hand_std=0.3
+)
+SIZES = [
+    "networks.hidden=[16]",
+    "networks.discriminator_hidden=[16]",
+    "networks.action_std=0.3",
+    "networks.hand_std=0.3",
+    "networks.std=fixed",
+    "networks.features=false",
+]
+"""Values of a config, otherwise the laptop scale's, that has these networks."""
 
 
 class PointChain(EnvBase):
@@ -172,10 +184,7 @@ def make_skills(folder: Path) -> None:
     """Four skills that walk forward and leave y alone, as a first stage would have left them."""
     for index in range(SUBTASKS):
         torch.manual_seed(index)
-        settings = NetworkSettings(
-            hidden=(16,), discriminator_hidden=(16,), std="fixed", action_std=0.3, hand_std=0.3
-        )
-        skill = Skill("table_lack", index, settings)
+        skill = Skill("table_lack", index, NETWORKS)
         spread = torch.linspace(-1, 1, 100).unsqueeze(-1) * torch.ones(100, 72)
         spread[:, 0] += index + 0.5
         skill.normalizer.fit(spread, 0.5)
@@ -197,7 +206,7 @@ def point_chain(tmp_path, monkeypatch):
     def run(recipe: str, *values: str) -> pd.DataFrame:
         places = [f"{place}_dir={tmp_path / place}" for place in ("results", "runs")]
         with initialize_config_dir(str(CONFIGS), version_base="1.3"):
-            config = compose(f"recipe/{recipe}", [*SMALL, *places, *values])
+            config = compose(f"recipe/{recipe}", [*SMALL, *SIZES, *places, *values])
         runpy.run_path(str(ROOT / "recipes" / f"{recipe}.py"))["main"].__wrapped__(config)
         return pd.read_csv(tmp_path / f"results/table_lack/{config.system}/seed0/metrics.csv")
 

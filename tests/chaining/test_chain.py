@@ -7,6 +7,7 @@ from tensordict import TensorDict
 from tstar_rl.chaining.chain import load_chain
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.chaining.turns import Turn
+from tstar_rl.runs.checkpoint import CheckpointMismatchError
 
 NUM_SKILLS = 4
 SHORT = ("chain.gate=false", "chain.steps_per_turn=512", "chain.trial_every=100")
@@ -111,3 +112,16 @@ def test_a_floor_raised_after_the_fact_changes_the_inputs_alone(point_chain, tmp
         )
         for name, value in first.policy.named_parameters():
             assert torch.equal(value, dict(skill.policy.named_parameters())[name])
+
+
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [
+        ("networks.hidden=[32]", r"skill 0 of gail_ppo: networks.hidden was \[16\] .* and is \[32\] now"),
+        ("chain.capacity=100", "skill 0 of gail_ppo: chain.capacity was 4096 .* and is 100 now"),
+    ],
+)
+def test_networks_and_sets_that_the_skills_do_not_have_are_refused(value, said, point_chain):
+    """A chain keeps what its skills have, so a value that says otherwise would be a lie in config.yaml."""
+    with pytest.raises(CheckpointMismatchError, match=said):
+        point_chain("tstar", value)

@@ -41,6 +41,7 @@ def test_successes_reach_the_sets(scale, carry_over, point_chain, monkeypatch):
         "tstar",
         f"scale={scale}",
         "device=cpu",
+        "chain.capacity=4096",  # that of the point's skills
         f"training.num_envs={SIMULATIONS}",
         f"training.horizon={horizon}",
         f"chain.steps_per_turn={SIMULATIONS * horizon * rollouts}",

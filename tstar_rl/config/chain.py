@@ -1,7 +1,7 @@
 """From a checked config to the turns of a chain."""
 
 from collections.abc import Iterator
-from dataclasses import fields
+from dataclasses import asdict, fields
 from functools import partial
 
 from omegaconf import DictConfig
@@ -22,6 +22,7 @@ from tstar_rl.demonstrations.data_set import Demonstrations
 from tstar_rl.rollouts.collection import Collection
 from tstar_rl.rollouts.ray_collection import RayCollection
 from tstar_rl.rollouts.state_sets import TerminationSet
+from tstar_rl.runs.checkpoint import CheckpointMismatchError, differences
 from tstar_rl.runs.run import Run
 from tstar_rl.runs.run_folder import run_path
 from tstar_rl.seeds import derive_seed
@@ -30,8 +31,14 @@ __all__ = ["chain_length", "chain_turns", "load_skills", "turn_shape"]
 
 
 def chain_turns(config: DictConfig) -> Iterator[Turn]:
-    """The turns of config.chain, from the skills of the system config.skills; see `chaining.turns`."""
+    """The turns of config.chain, from the skills of the system config.skills; see `chaining.turns`.
+
+    Raises:
+        CheckpointMismatchError: if config.networks or config.chain.capacity are not what the skills have.
+    """
     skills = load_skills(config, checkpoint=config.from_checkpoint)
+    for skill in skills:
+        _check_sizes(config, skill)
     experts = [load_demonstrations(config, index) for index in range(len(skills))]
     values = config.chain
     rollouts, frames = turn_shape(config)
@@ -51,6 +58,16 @@ def chain_turns(config: DictConfig) -> Iterator[Turn]:
         ),
     )
     return turns.chain_turns(chain, recipe=config.system)
+
+
+def _check_sizes(config: DictConfig, skill: Skill) -> None:
+    built = {"networks": asdict(skill.settings), "chain": {"capacity": skill.initiation_set.capacity}}
+    wanted = {"networks": plain(config.networks), "chain": {"capacity": config.chain.capacity}}
+    wrong = differences(built, wanted)
+    if wrong:
+        raise CheckpointMismatchError(
+            f"skill {skill.subtask} of {config.skills}: {'; '.join(wrong)} (a chain keeps what its skills have)"
+        )
 
 
 def turn_shape(config: DictConfig) -> tuple[int, int]:
