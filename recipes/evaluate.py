@@ -25,12 +25,12 @@ from tstar_rl.config.build import environment, load_skill
 from tstar_rl.config.load import plain, recipe
 from tstar_rl.config.pretrained import take_pretrained
 from tstar_rl.launch.steps import evaluated_runs, run_folder
-from tstar_rl.rollouts.episodes import MODES, check_modes, evaluate, same_policy
+from tstar_rl.rollouts.episodes import check_modes, evaluate, same_policy
 from tstar_rl.rollouts.recorder import Recorder
 from tstar_rl.runs.checkpoint import is_checkpoint
 from tstar_rl.runs.csv_tables import append_rows
 from tstar_rl.runs.run_folder import made_by, note_evaluation, read_run_path, run_path
-from tstar_rl.seeds import derive_seed
+from tstar_rl.seeds import evaluation_seed
 from tstar_rl.shipped.chain import ShippedChain
 
 SPENT = ("env_steps", "minutes")
@@ -62,7 +62,7 @@ def main(config: DictConfig) -> None:
             continue
         policies[name] = policy
         for mode in config.modes:
-            seed = derive_seed(config.seed, "evaluate", list(MODES).index(mode), subtask)
+            seed = evaluation_seed(config.seed, mode, subtask)
             torch.manual_seed(seed)
             env = environment(config, subtask, number, seed, snapshots=film)
             recorder = Recorder(env.base_env, config.evaluation.recorded if film else 0, enough=links)

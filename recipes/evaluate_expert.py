@@ -14,7 +14,7 @@ from tstar_rl.rollouts.episodes import evaluate
 from tstar_rl.rollouts.recorder import Recorder
 from tstar_rl.runs.csv_tables import append_rows
 from tstar_rl.runs.run_folder import note_evaluation, run_path
-from tstar_rl.seeds import derive_seed
+from tstar_rl.seeds import evaluation_seed
 
 
 @recipe("evaluate_expert", video=bool)
@@ -23,7 +23,7 @@ def main(config: DictConfig) -> None:
     asked = [None, *range(config.task.subtasks)] if config.subtask is None else [config.subtask]
     for subtask in asked:
         number = config.evaluation.whole_episodes if subtask is None else config.evaluation.episodes
-        seed = derive_seed(config.seed, "evaluate", 0, subtask)
+        seed = evaluation_seed(config.seed, "deterministic", subtask)
         torch.manual_seed(seed)
         recorded = config.evaluation.recorded if config.video else 0
         env = environment(config, subtask, number, seed, snapshots=recorded != 0)

@@ -16,7 +16,7 @@ from tstar_rl.config.build import environment
 from tstar_rl.config.load import CONFIGS, recipe, task_section
 from tstar_rl.rollouts.episodes import evaluate
 from tstar_rl.runs.csv_tables import append_rows
-from tstar_rl.seeds import derive_seed
+from tstar_rl.seeds import evaluation_seed
 
 WHOLE = "whole"
 KEPT = ("success", "success_low", "success_high", "progress", "episode_length")
@@ -39,7 +39,7 @@ def _rows(config: DictConfig) -> list[dict[str, Any]]:
     rows = []
     for subtask in [*range(config.task.subtasks), None]:
         number = config.evaluation.whole_episodes if subtask is None else config.evaluation.episodes
-        seed = derive_seed(config.seed, "evaluate", 0, subtask)
+        seed = evaluation_seed(config.seed, "deterministic", subtask)
         torch.manual_seed(seed)
         env = environment(config, subtask, number, seed)
         row = evaluate(env.base_env.expert(), env)

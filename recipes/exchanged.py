@@ -19,16 +19,14 @@ from tstar_rl.config.load import recipe
 from tstar_rl.config.seams import chain_of, env_at_seam
 from tstar_rl.intervals import wilson_interval
 from tstar_rl.runs.csv_tables import append_rows
-from tstar_rl.seeds import derive_seed
-
-_EXCHANGED = 6  # evaluation's seeds 0 to 5 are other recipes'
+from tstar_rl.seeds import evaluation_seed
 
 
 @recipe("exchanged", checkpoint=str, from_checkpoint=str)
 def main(config: DictConfig) -> None:
     """Measures one chain, writes and prints its table."""
     before, after = load_skills(config, config.from_checkpoint), chain_of(config, config.system)
-    make = partial(env_at_seam, config, derive_seed(config.seed, "evaluate", _EXCHANGED))
+    make = partial(env_at_seam, config, evaluation_seed(config.seed, "exchange"))
     rows = []
     for each in exchange_skills(before, after, make, config.evaluation.episodes):
         rows.append(each._asdict() | _success(each.taken, each.handed))

@@ -24,7 +24,7 @@ from tstar_rl.config.seams import chain_of, env_at_seam
 from tstar_rl.intervals import wilson_interval
 from tstar_rl.rollouts.state_sets import TerminationSet
 from tstar_rl.runs.csv_tables import append_rows
-from tstar_rl.seeds import derive_seed
+from tstar_rl.seeds import evaluation_seed
 
 
 @recipe("hand_over", checkpoint=str, systems=tuple[str, ...])
@@ -46,7 +46,7 @@ def _follow(config: DictConfig, system: str, skills: Sequence[Skill]) -> list[di
 
         def make(subtask: int, number: int, starts: TerminationSet | None) -> TransformedEnv:
             return env_at_seam(
-                config, derive_seed(config.seed, "evaluate", 2, subtask), subtask, number, starts
+                config, evaluation_seed(config.seed, "hand_over", subtask), subtask, number, starts
             )
 
         row: dict[str, Any] = {"system": system, "seed": config.seed, "checkpoint": config.checkpoint}

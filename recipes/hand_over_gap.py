@@ -42,10 +42,7 @@ from tstar_rl.rollouts.episodes import run_episodes
 from tstar_rl.rollouts.hand_overs import HandOvers, Seam
 from tstar_rl.rollouts.state_sets import TerminationSet
 from tstar_rl.runs.csv_tables import append_rows
-from tstar_rl.seeds import derive_seed
-
-# Seeds of evaluation: 0 and 1 are evaluate.py's modes, 2 is hand_over.py's.
-_OWN, _CHAIN, _INFLUENCE = 3, 4, 5
+from tstar_rl.seeds import evaluation_seed
 
 
 @recipe(
@@ -82,7 +79,7 @@ def main(config: DictConfig) -> None:
 def _own_successes(config: DictConfig, index: int, skill: Skill) -> int:
     """Successes of a skill from its own starts."""
     env = environment(
-        config, index, config.evaluation.episodes, derive_seed(config.seed, "evaluate", _OWN, index)
+        config, index, config.evaluation.episodes, evaluation_seed(config.seed, "own_starts", index)
     )
     with set_exploration_type(ExplorationType.DETERMINISTIC):
         last = run_episodes(env, skill.policy)
@@ -93,7 +90,7 @@ def _own_successes(config: DictConfig, index: int, skill: Skill) -> int:
 def _run_chain(config: DictConfig, skills: Sequence[Skill]) -> tuple[np.ndarray, list[Seam]]:
     """Progress of each episode of the whole chain, and its seams; always from the same starts."""
     number, links = config.evaluation.whole_episodes, len(skills)
-    env = environment(config, None, number, derive_seed(config.seed, "evaluate", _CHAIN))
+    env = environment(config, None, number, evaluation_seed(config.seed, "chain"))
     watch = HandOvers(links)
     with set_exploration_type(ExplorationType.DETERMINISTIC):
         last = run_episodes(env, ChainPolicy(skills).to(config.device), watch, enough=links)
@@ -149,7 +146,7 @@ def _influences(config: DictConfig, skills: Sequence[Skill]) -> list[Influence |
         if not starts.batch_size[0]:
             found.append(None)
             continue
-        torch.manual_seed(derive_seed(config.seed, "evaluate", _INFLUENCE, index))
+        torch.manual_seed(evaluation_seed(config.seed, "influence", index))
         both = skills[index].policy, skills[index + 1].policy
         found.append(influence_of(make, both, index, starts, config.influence_times))
         starts = run_from(make, index, skills[index], starts, 0)
@@ -157,7 +154,7 @@ def _influences(config: DictConfig, skills: Sequence[Skill]) -> list[Influence |
 
 
 def _env_from(config: DictConfig, index: int, number: int, starts: TerminationSet | None) -> Any:
-    return env_at_seam(config, derive_seed(config.seed, "evaluate", _INFLUENCE, index), index, number, starts)
+    return env_at_seam(config, evaluation_seed(config.seed, "influence", index), index, number, starts)
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@ from tstar_rl.config.build import environment
 from tstar_rl.config.load import recipe
 from tstar_rl.config.pretrained import chain_env
 from tstar_rl.rollouts.watching import Signal, d_omega_signal, log_episodes, rows_to_show
-from tstar_rl.seeds import derive_seed
+from tstar_rl.seeds import evaluation_seed
 from tstar_rl.shipped.catalogue import load_pretrained, pretrained
 
 
@@ -36,7 +36,7 @@ class Shown(NamedTuple):
 @recipe("watch", path=str, variants=tuple[str, str] | None, noise=float, simulations=int)
 def main(config: DictConfig) -> None:
     """Runs some episodes of each side, keeps one of each that ended as wanted, and writes the page."""
-    seed = derive_seed(config.seed, "evaluate", 3, config.subtask)
+    seed = evaluation_seed(config.seed, "own_starts", config.subtask)
     sides, logs = both_sides(config, HydraConfig.get().overrides.task), []
     for shown in sides:
         env = environment(config, config.subtask, config.simulations, seed, snapshots=True, **shown.settings)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-__all__ = ["PURPOSES", "derive_seed"]
+__all__ = ["EVALUATIONS", "PURPOSES", "derive_seed", "evaluation_seed"]
 
 PURPOSES = (
     "train",
@@ -17,6 +17,9 @@ PURPOSES = (
     "collect",
 )
 
+EVALUATIONS = ("deterministic", "stochastic", "hand_over", "own_starts", "chain", "influence", "exchange")
+"""What is evaluated, each with seeds of its own: the modes of `rollouts.episodes`, then what single recipes measure."""
+
 
 def derive_seed(seed: int, purpose: str, *index: int | None) -> int:
     """A seed for a purpose and index of a run: what trains and what chooses never sees what is reported.
@@ -30,3 +33,14 @@ def derive_seed(seed: int, purpose: str, *index: int | None) -> int:
         [seed, PURPOSES.index(purpose), *(99 if i is None else i for i in index)]
     ).generate_state(1)
     return int(words[0]) % 2**31
+
+
+def evaluation_seed(seed: int, what: str, *index: int | None) -> int:
+    """`derive_seed` for one of `EVALUATIONS`: two that are reported side by side have no episode in common.
+
+    Raises:
+        ValueError: if there is no evaluation of that name.
+    """
+    if what not in EVALUATIONS:
+        raise ValueError(f"an evaluation is one of {', '.join(EVALUATIONS)}; got {what!r}")
+    return derive_seed(seed, "evaluate", EVALUATIONS.index(what), *index)

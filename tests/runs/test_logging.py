@@ -9,11 +9,12 @@ import torch
 import yaml
 
 from tstar_rl.analysis.tables import commit_of, short_commit
+from tstar_rl.rollouts.episodes import MODES
 from tstar_rl.runs import versions
 from tstar_rl.runs.csv_tables import MetricsLog, append_rows
 from tstar_rl.runs.run import Run
 from tstar_rl.runs.run_folder import Place, note_evaluation, read_run_path, run_path
-from tstar_rl.seeds import derive_seed
+from tstar_rl.seeds import EVALUATIONS, derive_seed, evaluation_seed
 
 
 def test_a_log_cut_back_goes_on_as_if_it_had_never_gone_further(tmp_path):
@@ -201,3 +202,11 @@ def test_seeds_of_different_purposes_differ():
 def test_seeds_depend_on_the_index_alone():
     assert derive_seed(0, "evaluate", 0, None) == derive_seed(0, "evaluate", 0, 99)
     assert derive_seed(0, "train") == derive_seed(0, "train", 0) == derive_seed(0, "train", 0, 0)
+
+
+def test_what_is_evaluated_has_seeds_of_its_own():
+    assert list(EVALUATIONS[: len(MODES)]) == list(MODES), "published tables are of these seeds"
+    assert len({evaluation_seed(0, what, 2) for what in EVALUATIONS}) == len(EVALUATIONS)
+    assert evaluation_seed(0, "hand_over", 2) == derive_seed(0, "evaluate", 2, 2)
+    with pytest.raises(ValueError, match="an evaluation is one of .*hand_over.*; got 'film'"):
+        evaluation_seed(0, "film")
