@@ -1,35 +1,46 @@
 """A declared experiment: whatever is missing of it, some seeds at a time, for as long as it takes or is allowed.
 
     python recipes/experiment.py experiment=terminal_state_regularisation
-    python recipes/experiment.py experiment=terminal_state_regularisation minutes=150
+    python recipes/experiment.py experiment=terminal_state_regularisation unpublished=true minutes=150
 
 configs/experiment/<name>.yaml has the experiment; the page that it names declares it. A call that ends early, or is
 killed, goes on when it is given again: what is finished is not done again, and a training goes on from its
-checkpoint. All arms must come from one commit: run it in a checkout of its own, `git worktree add ../experiment
-<commit>`, with PYTHONPATH=<checkout>:<checkout>/envs where the environment has another one's code. Tables land in
-results/<name>/; with publish=true those of finished runs are copied to results/published/<name>/.
+checkpoint. All arms come from one commit: where the file names it (`commit`, also of a single arm), its code is checked
+out below <runs_dir>/code and run from there, so that a later checkout goes on with an experiment and changes nothing of
+it. Tables land in results/<name>/; with publish=true those of finished runs are copied to results/published/<name>/.
+With unpublished=true an arm of a seed that lies there is left out; of the rest, what it starts from is made anew.
 """
 
+import math
 import subprocess
 import threading
 import time
+from contextlib import nullcontext
+from pathlib import Path
 from typing import Any
 
 from omegaconf import DictConfig
 
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.load import plain, recipe
-from tstar_rl.launch.experiment import publish, with_bonus, without_bonus
+from tstar_rl.launch.code_of_commit import code_of_commit, configs_of
+from tstar_rl.launch.experiment import DeclaredExperiment, publish, with_bonus, without_bonus
 from tstar_rl.launch.experiment_values import parse_experiment
 from tstar_rl.launch.side_by_side import Step, run_recipe, run_side_by_side
 from tstar_rl.launch.steps import is_done, passed_on, step_config
+from tstar_rl.runs.versions import commit as commit_here
 
-OWN = ("experiment", "processes", "minutes", "publish", "seeds", "tasks", "arms")
+OWN = ("experiment", "processes", "minutes", "publish", "unpublished", "seeds", "tasks", "arms")
+
+OVER = "the time is over"
+
+Planned = tuple[str | None, Step]
+"""A step, and the commit whose code runs it; None: the code here."""
 
 
 @recipe(
     "experiment", experiment=dict[str, Any] | None, processes=int, minutes=float | None, publish=bool,
-    seeds=tuple[int, ...] | None, tasks=tuple[str, ...] | None, arms=tuple[str, ...] | None,
+    unpublished=bool, seeds=tuple[int, ...] | None, tasks=tuple[str, ...] | None, arms=tuple[str, ...] | None,
 )  # fmt: skip
 def main(config: DictConfig) -> None:
     """Runs a lane for each task and seed; a lane that waits for a bonus finds it when it gets there."""
@@ -37,40 +48,56 @@ def main(config: DictConfig) -> None:
         raise InvalidValueError("say which: experiment=<name> of configs/experiment")
     declared = parse_experiment(plain(config)["experiment"])
     declared.check_arms(config.arms or ())
-    end = None if config.minutes is None else time.monotonic() + 60 * config.minutes
-    given = passed_on(OWN)
-    lanes: list[list[Step]] = []
-    for task, seed in declared.lanes(config.seeds or (), config.tasks or ()):
-        shared = [*declared.shared(task, seed), *given]
-        subtasks = step_config(("gail_ppo",), shared).task.subtasks
-        lanes.append([(step[0], *shared, *step[1:]) for step in declared.steps(subtasks, seed, config.arms)])
-
+    end = math.inf if config.minutes is None else time.monotonic() + 60 * config.minutes
+    published = Path("results/published") / declared.name
+    lanes = _lanes(config, declared, published)
+    others = {commit for lane in lanes for commit, _ in lane if commit not in (None, commit_here())}
+    code = {commit: code_of_commit(commit, Path(config.runs_dir) / "code") for commit in sorted(others)}
     composing = threading.Lock()  # Hydra composes one config at a time
 
-    def run(step: Step, shared: list[str], line: int) -> None:
-        with composing:
+    def run(planned: Planned, shared: list[str], line: int) -> None:
+        root, step = code.get(planned[0] or ""), planned[1]
+        with composing, nullcontext() if root is None else configs_of(root):
             place = step_config(without_bonus(step))
-            step = with_bonus(step, place.results_dir, place.task.name, place.seed)
+            step = with_bonus(step, (place.results_dir, published), place.task.name, place.seed)
             done = is_done(step, ignored=("bonus",))
         if not done:
-            left = None if end is None else end - time.monotonic()
-            if left is not None and left <= 0:
-                raise SystemExit("the time is over")
-            try:
-                run_recipe(step, (), line, left)
-            except subprocess.TimeoutExpired:
-                raise SystemExit("the time is over") from None
+            _run_until(end, step, line, root)
 
     try:
         run_side_by_side(lanes, (), config.processes, run)
     except SystemExit as stop:
-        reasons = set(str(stop).splitlines())
-        if reasons != {"the time is over"}:
+        if set(str(stop).splitlines()) != {OVER}:
             raise
         print("The time is over; the same command goes on.")
     if config.publish:
-        results = step_config(lanes[0][0]).results_dir
-        print("\n".join(map(str, publish(results, f"results/published/{declared.name}"))))
+        first = [*declared.shared(*declared.lanes()[0]), *passed_on(OWN)]
+        print("\n".join(map(str, publish(step_config(("gail_ppo",), first).results_dir, published))))
+
+
+def _lanes(config: DictConfig, declared: DeclaredExperiment, published: Path) -> list[list[Planned]]:
+    """What there is to do of each task and seed."""
+    lanes, given = [], passed_on(OWN)
+    for task, seed in declared.lanes(config.seeds or (), config.tasks or ()):
+        shared, arms = [*declared.shared(task, seed), *given], config.arms
+        if config.unpublished:
+            left = declared.unpublished(published, task, seed)
+            arms = [name for name in left if arms is None or name in arms]
+        subtasks = step_config(("gail_ppo",), shared).task.subtasks
+        steps = declared.steps_by_commit(subtasks, seed, arms)
+        lanes.append([(commit, (step[0], *shared, *step[1:])) for commit, step in steps])
+    return lanes
+
+
+def _run_until(end: float, step: Step, line: int, root: Path | None) -> None:
+    """Runs a step; raises SystemExit if it is not done by then, in seconds of the monotonic clock."""
+    left = end - time.monotonic()
+    if left <= 0:
+        raise SystemExit(OVER)
+    try:
+        run_recipe(step, (), line, None if math.isinf(left) else left, root)
+    except subprocess.TimeoutExpired:
+        raise SystemExit(OVER) from None
 
 
 if __name__ == "__main__":

@@ -111,6 +111,29 @@ def test_some_arms_alone():
         experiment.check_arms(["tsar", "paid", "gauss"])
 
 
+def test_arms_of_another_commit_come_with_all_that_they_start_from():
+    later = {"name": "later", "recipe": "tstar", "commit": "b"}
+    experiment = parse_experiment({**SMALL, "commit": "a", "arms": [*SMALL["arms"], later]})
+    planned = experiment.steps_by_commit(1, 7)
+    assert [step for commit, step in planned if commit == "a"] == experiment.steps(
+        1, 7, ["no_finetuning", "tstar", "paid"]
+    )
+    assert [step for commit, step in planned if commit == "b"] == experiment.steps(1, 7, ["later"])
+    assert [commit for commit, _ in planned] == sorted(commit for commit, _ in planned) != []
+    assert {commit for commit, _ in parse_experiment(SMALL).steps_by_commit(1, 7)} == {None}
+
+
+def test_arms_that_are_published_can_be_left_out(tmp_path):
+    experiment = parse_experiment(SMALL)
+    for arm, file in (("tstar", "evaluation.csv"), ("paid", "metrics.csv")):
+        folder = tmp_path / f"table_lack/{arm}/seed8"
+        folder.mkdir(parents=True)
+        (folder / file).touch()
+    assert experiment.unpublished(tmp_path, "table_lack", 8) == ["no_finetuning", "gaussian", "paid"]
+    assert "tstar" in experiment.unpublished(tmp_path, "table_lack", 7)
+    assert experiment.steps_by_commit(1, 8, []) == []
+
+
 def test_an_arm_may_have_fewer_seeds():
     experiment = parse_experiment(SMALL)
     assert [arm.name for arm in experiment.arms_of(7)] == ["no_finetuning", "tstar", "paid"]
@@ -174,15 +197,16 @@ def test_a_bonus_is_known_once_its_arm_is_trained(tmp_path):
     with pytest.raises(
         FileNotFoundError, match=r"train it first \(python recipes/tstar.py task=table_lack seed=7\)"
     ):
-        with_bonus(step, tmp_path, "table_lack", 7)
+        with_bonus(step, [tmp_path], "table_lack", 7)
     folder = tmp_path / "table_lack/tstar/seed7"
     folder.mkdir(parents=True)
     rows = {"episodes": [10, 30], "success_rate": [1.0, 0.5], "tsr_on_success": [0.2, 0.4]}
     pd.DataFrame(rows).to_csv(folder / "metrics.csv", index=False)
     # Ten successes of .2 and fifteen of .4: a mean of 8 / 25.
-    assert with_bonus(step, tmp_path, "table_lack", 7) == (*step[:2], "bonus=0.32")
+    assert with_bonus(step, [tmp_path], "table_lack", 7) == (*step[:2], "bonus=0.32")
+    assert with_bonus(step, [tmp_path / "none", tmp_path], "table_lack", 7) == (*step[:2], "bonus=0.32")
     pd.DataFrame({"episodes": [10], "success_rate": [0.0]}).to_csv(folder / "metrics.csv", index=False)
-    assert with_bonus(step, tmp_path, "table_lack", 7) == (*step[:2], "bonus=0.0")
+    assert with_bonus(step, [tmp_path], "table_lack", 7) == (*step[:2], "bonus=0.0")
 
 
 def test_finished_runs_are_published_and_others_are_not(tmp_path):

@@ -5,7 +5,7 @@ budget and trials. They are evaluated on the same starts.
 """
 
 import shutil
-from collections.abc import Container, Iterable, Mapping
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -42,6 +42,8 @@ class Arm:
     """The same of its skills but the first, which begins where the task does."""
     skills_of: str | None = None
     """Starts from another arm's own skills, and learns from their demonstrations."""
+    commit: str | None = None
+    """Whose code runs it; None: that of the experiment."""
 
     @property
     def owner(self) -> str | None:
@@ -98,6 +100,8 @@ class DeclaredExperiment:
     arms: tuple[Arm, ...]
     overrides: tuple[str, ...] = ()
     """Hydra overrides of every step."""
+    commit: str | None = None
+    """Whose code runs it; None: that of the checkout in which it is started."""
     seeds_by_task: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     """Of a task that has others than `seeds`. An arm with seeds of its own has those of them that its task has."""
 
@@ -158,6 +162,31 @@ class DeclaredExperiment:
             steps += arm.own_skills(subtasks, made) if arm.name in owners else []
         return [*steps, *(step for arm in arms for step in arm.steps(subtasks, made))]
 
+    def steps_by_commit(
+        self, subtasks: int, seed: int, only: Sequence[str] | None = None
+    ) -> list[tuple[str | None, Step]]:
+        """`steps`, each with the commit whose code runs it.
+
+        What arms of two commits share stands there for both, and is made by the first.
+        """
+        arms = [arm for arm in self.arms_of(seed) if only is None or arm.name in only]
+        commits = dict.fromkeys(arm.commit or self.commit for arm in arms)
+        return [
+            (commit, step)
+            for commit in commits
+            for step in self.steps(
+                subtasks, seed, [arm.name for arm in arms if (arm.commit or self.commit) == commit]
+            )
+        ]
+
+    def unpublished(self, published: str | Path, task: str, seed: int) -> list[str]:
+        """The arms of a seed that have no evaluation below `published`, the experiment's folder there."""
+        return [
+            arm.name
+            for arm in self.arms_of(seed)
+            if not (run_path(published, task, arm.name, seed) / "evaluation.csv").is_file()
+        ]
+
     def check_arms(self, names: Iterable[str]) -> None:
         """Raises InvalidValueError for a name that no arm has."""
         known = [arm.name for arm in self.arms]
@@ -171,17 +200,25 @@ def without_bonus(step: Step) -> Step:
     return tuple(value for value in step if not value.startswith(BONUS))
 
 
-def with_bonus(step: Step, results: str | Path, task: str, seed: int) -> Step:
+def with_bonus(step: Step, places: Sequence[str | Path], task: str, seed: int) -> Step:
     """A step in which the bonus of another arm is a number, once that arm has been trained.
 
+    Args:
+        step: recipe and values.
+        places: folders of results; the first that has a table of that arm's training is read.
+        task: furniture.
+        seed: of both arms.
+
     Raises:
-        MissingFileError: if it has not.
+        MissingFileError: if none has one.
     """
     values = []
     for value in step:
         if value.startswith(BONUS):
-            metrics = run_path(results, task, value.removeprefix(BONUS), seed) / "metrics.csv"
-            value = f"bonus={mean_bonus(metrics)}"
+            tables = [
+                run_path(place, task, value.removeprefix(BONUS), seed) / "metrics.csv" for place in places
+            ]
+            value = f"bonus={mean_bonus(next((table for table in tables if table.is_file()), tables[0]))}"
         values.append(value)
     return tuple(values)
 

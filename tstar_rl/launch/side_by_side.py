@@ -7,10 +7,12 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from queue import SimpleQueue
+from typing import Any
 
 import pandas as pd
 
 from tstar_rl.checks import MissingFileError, UserError
+from tstar_rl.launch.code_of_commit import environ_of
 from tstar_rl.runs.run_folder import RECIPES, made_by
 
 __all__ = ["Step", "mean_bonus", "run_recipe", "run_side_by_side"]
@@ -19,22 +21,37 @@ Step = tuple[str, ...]
 """A recipe and its values."""
 
 
-def run_recipe(step: Step, shared: Sequence[str] = (), line: int = 0, seconds: float | None = None) -> None:
+def run_recipe(
+    step: Step,
+    shared: Sequence[str] = (),
+    line: int = 0,
+    seconds: float | None = None,
+    code: Path | None = None,
+) -> None:
     """Runs one recipe, with the values `shared` before its own; its progress bar takes the screen's line `line`.
+
+    Args:
+        step: recipe and values.
+        shared: values that come before the step's own.
+        line: of the screen.
+        seconds: that it may take; None: as long as it does.
+        code: the checkout whose recipe and library are run, in this folder; None: this one's.
 
     Raises:
         SystemExit: if it fails, with its command.
         TimeoutExpired: if it was not done in `seconds`; it is killed then.
     """
     name, *values = step
-    environ = {**os.environ, "TQDM_POSITION": str(line), "TQDM_MININTERVAL": "1", "OMP_NUM_THREADS": "1"}
-    command = [sys.executable, str(RECIPES / f"{name}.py"), *shared, *values]
+    found = os.environ if code is None else environ_of(code)
+    environ = {**found, "TQDM_POSITION": str(line), "TQDM_MININTERVAL": "1", "OMP_NUM_THREADS": "1"}
+    recipes = RECIPES if code is None else code / "recipes"
+    command = [sys.executable, str(recipes / f"{name}.py"), *shared, *values]
     if subprocess.run(command, env=environ, check=False, timeout=seconds).returncode:
         raise SystemExit(f"this step failed: {' '.join(command)}")
 
 
 def run_side_by_side(
-    lanes: Sequence[Sequence[Step]],
+    lanes: Sequence[Sequence[Any]],
     shared: Sequence[str],
     processes: int,
     run: Callable[..., None] | None = None,
@@ -44,7 +61,7 @@ def run_side_by_side(
     A step that fails ends its lane; the other lanes go on.
 
     Args:
-        lanes: that do not wait for each other.
+        lanes: that do not wait for each other, of `Step`, or of whatever `run` takes.
         shared: values that every step is given.
         processes: lanes at once.
         run: of a step, the shared values and the lane's line on the screen, from `backends.launcher`; None:

@@ -1,0 +1,60 @@
+"""The code of another commit: arms of an experiment that was begun with it are run with it, however old it is."""
+
+import os
+import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from hydra import initialize_config_dir
+from hydra.core.global_hydra import GlobalHydra
+
+from tstar_rl.checks import InvalidValueError
+from tstar_rl.config.load import CONFIGS
+
+__all__ = ["code_of_commit", "configs_of", "environ_of"]
+
+
+def code_of_commit(commit: str, folder: Path, repository: Path = CONFIGS.parent) -> Path:
+    """A checkout of that commit below `folder`; it is made (`git worktree add`) unless it is there.
+
+    Raises:
+        InvalidValueError: if the repository does not have the commit, or the checkout that is there is of another one
+            or was changed.
+    """
+    place = folder.resolve() / commit[:12]
+    if not place.is_dir():
+        _git(repository, "worktree", "prune")  # one that somebody deleted would be in the way
+        _git(repository, "worktree", "add", "--detach", str(place), commit)
+    head, changed = _git(place, "rev-parse", "HEAD"), _git(place, "status", "--porcelain")
+    if not head.startswith(commit) or changed:
+        found = f"is of {head}" if not changed else f"was changed: {' '.join(changed.split())}"
+        raise InvalidValueError(
+            f"{place} is to be the code of {commit}, but it {found}; delete it and it is made anew"
+        )
+    return place
+
+
+@contextmanager
+def configs_of(root: Path) -> Iterator[None]:
+    """Meanwhile Hydra composes from the configs of another checkout; those of this one have other values by now."""
+    ours = GlobalHydra.instance().hydra
+    GlobalHydra.instance().clear()
+    try:
+        with initialize_config_dir(str(root / "configs"), version_base="1.3"):
+            yield
+    finally:
+        GlobalHydra.instance().hydra = ours
+
+
+def environ_of(root: Path) -> dict[str, str]:
+    """The environment in which Python finds a checkout's code before any that is installed."""
+    return {**os.environ, "PYTHONPATH": os.pathsep.join((str(root), str(root / "envs")))}
+
+
+def _git(folder: Path, *command: str) -> str:
+    """What git prints; InvalidValueError with its words if it refuses."""
+    done = subprocess.run(["git", "-C", str(folder), *command], capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise InvalidValueError(f"git {' '.join(command)} in {folder}: {done.stderr.strip()}")
+    return done.stdout.strip()
