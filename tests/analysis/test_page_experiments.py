@@ -153,6 +153,22 @@ def test_notes_get_the_tables_that_they_ask_for(published):
         results_page(published, THEIRS, "<!-- table: plain -->")
 
 
+def test_what_each_choice_adds_is_said_in_the_words_of_the_contents(published):
+    odd = {"folder": "odd", "kind": "experiment"}
+    odd["choices"] = {
+        "d_omega and a gate": ["tstar", "buffer_no_gate"],
+        "what was not run": ["tstar", "buffer"],
+    }
+    contents(published, [odd, {"folder": "plain", "kind": "paper"}], {})
+    page = results_page(published, THEIRS, "<!-- choices: odd -->")
+    rows = [line for line in page.splitlines() if line.startswith("| d_omega and a gate |")]
+    assert len(rows) == 1 and "what was not run" not in page
+    # Both seeds differ by .25, so that Student's interval is a point.
+    assert re.fullmatch(
+        r"\| d_omega and a gate \| \+0\.250 \[.*\] \| \+0\.25 to \+0\.25 \| 2 \| higher \|", rows[0]
+    )
+
+
 def test_the_readme_has_what_the_notes_begin_with_and_short_tables(published):
     notes = "Found [so](#so).\n\n![Drawn.](figures/a.png) [Site](https://a.b)\n\n## More\n\nAnd more."
     head = results_head(published, THEIRS, notes)

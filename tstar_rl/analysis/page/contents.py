@@ -1,6 +1,6 @@
 """Which published experiments the page shows, from results/published/contents.yaml."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields
 from pathlib import Path
 from typing import TypeVar
@@ -40,6 +40,8 @@ class Entry:
     """Of several tasks only those are aggregated whose skills each succeed so often from their own starts."""
     task_questions: tuple[TaskQuestion, ...] = ()
     """Declared before the experiment ran, over several tasks."""
+    choices: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    """What is chosen, in words, and the pair of arms whose difference says what that adds."""
     sections: tuple[str, ...] | None = None
     """Tasks with a section of their own on the page; None: all of them."""
 
@@ -127,6 +129,7 @@ def _entry(root: Path, one: dict) -> Entry:
         "families": families,
         "questions": questions,
         "task_questions": over_tasks,
+        "choices": dict(zip(one.get("choices", {}), _pairs(one.get("choices", {}).values()), strict=True)),
         "sections": None if one.get("sections") is None else tuple(one["sections"]),
     }
     entry = Entry(**values)

@@ -9,6 +9,7 @@ from pathlib import Path
 from tstar_rl.analysis.experiments import read_experiment
 from tstar_rl.analysis.page import experiment as parts
 from tstar_rl.analysis.page import sections
+from tstar_rl.analysis.page.choices import choice_table
 from tstar_rl.analysis.page.contents import Entry, read_contents
 from tstar_rl.analysis.page.costs import costs
 from tstar_rl.analysis.page.drawing import curves
@@ -61,8 +62,8 @@ def results_page(root: str | Path, paper: Paper, notes: str) -> str:
 def _filled(notes: str, entries: dict[str, Entry], paper: Paper) -> str:
     """The notes with the tables that they ask for.
 
-    `<!-- table: <folder> -->`, `<!-- comparisons: <folder> -->`, `<!-- answers: <folder> -->`; of several
-    tasks, `<!-- over all tasks: <folder> -->`.
+    `<!-- table: <folder> -->`, and in the place of `table` also `comparisons`, `answers`, `choices`; of several tasks,
+    `over all tasks`.
 
     Raises:
         ValueError: for a folder that is no experiment.
@@ -76,7 +77,7 @@ def _filled(notes: str, entries: dict[str, Entry], paper: Paper) -> str:
         experiment = read_experiment(entry.folder)
         if kind == "over all tasks":
             return short_over_tasks(experiment, paper, entry).strip()
-        written = {"comparisons": parts.comparison_table, "answers": parts.answers}
+        written = {"comparisons": parts.comparison_table, "answers": parts.answers, "choices": choice_table}
         shown = [
             written[kind](experiment, paper, entry, task)
             if kind in written
@@ -85,7 +86,7 @@ def _filled(notes: str, entries: dict[str, Entry], paper: Paper) -> str:
         ]
         return "\n".join(shown).strip()
 
-    return re.sub(r"<!-- (table|comparisons|answers|over all tasks): (\S+) -->", fill, notes)
+    return re.sub(r"<!-- (table|comparisons|answers|choices|over all tasks): (\S+) -->", fill, notes)
 
 
 def _experiment(entry: Entry, paper: Paper) -> str:
