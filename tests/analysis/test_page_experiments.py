@@ -155,18 +155,30 @@ def test_notes_get_the_tables_that_they_ask_for(published):
 
 def test_what_each_choice_adds_is_said_in_the_words_of_the_contents(published):
     odd = {"folder": "odd", "kind": "experiment"}
+    for seed, progress in ((3, 0.76), (4, 0.5)):
+        write(published, "odd", "nearly", seed, progress)
+        write(published, "odd", "sure", seed, 1.0)
+        write(published, "odd", "as_sure", seed, 1.0)
+    write(published, "odd", "alone", 3, 0.75)
     odd["choices"] = {
         "d_omega and a gate": ["tstar", "buffer_no_gate"],
+        "hardly anything": ["nearly", "tstar"],
+        "nothing": ["sure", "as_sure"],
+        "one seed": ["alone", "tstar"],
         "what was not run": ["tstar", "buffer"],
     }
     contents(published, [odd, {"folder": "plain", "kind": "paper"}], {})
     page = results_page(published, THEIRS, "<!-- choices: odd -->")
-    rows = [line for line in page.splitlines() if line.startswith("| d_omega and a gate |")]
-    assert len(rows) == 1 and "what was not run" not in page
+    rows = [line.strip("| ").split(" | ") for line in page.split("| what is chosen |")[1].splitlines()]
+    rows = {row[0]: row[1:] for row in rows}
     # Both seeds differ by .25, so that Student's interval is a point.
-    assert re.fullmatch(
-        r"\| d_omega and a gate \| \+0\.250 \[.*\] \| \+0\.25 to \+0\.25 \| 2 \| higher \|", rows[0]
-    )
+    assert rows["d_omega and a gate"][1:] == ["+0.25 to +0.25", "2", "higher"]
+    assert rows["d_omega and a gate"][0].startswith("+0.250 [")
+    # .01 and 0: half of 12.7 deviations of .0071, over the root of two, is .064.
+    assert rows["hardly anything"][1:] == ["-0.06 to +0.07", "2", "not told apart"]
+    assert rows["nothing"] == ["+0.000 [+0.00, +0.00]", "+0.00 to +0.00", "2", "within 0.05 of nothing"]
+    assert rows["one seed"][1:] == ["-", "1", "not told apart"]
+    assert "what was not run" not in rows
 
 
 def test_the_readme_has_what_the_notes_begin_with_and_short_tables(published):

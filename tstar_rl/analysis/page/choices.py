@@ -9,7 +9,9 @@ from tstar_rl.analysis.page.markdown import NOTHING, Paper, signed_interval, tab
 
 __all__ = ["choice_table"]
 
-HEADER = ["what is chosen", "adds to progress [95%, bootstrap]", "95%, Student's t", "seeds", ""]
+HEADER = ["what is chosen", "adds to progress [95%, bootstrap]", "95%, Student's t", "seeds", "so it is"]
+SMALL = 0.05
+"""A difference whose two intervals lie within this of zero is called small, whatever its sign."""
 
 
 def choice_table(experiment: Experiment, paper: Paper, entry: Entry, task: str) -> str:
@@ -20,10 +22,13 @@ def choice_table(experiment: Experiment, paper: Paper, entry: Entry, task: str) 
     for said, pair in entry.choices.items():
         if (row := rows.get(pair)) is None:
             continue
-        span = signed_interval(row.difference, row.low, row.high)
-        half = row.t_half
-        student = (
-            NOTHING if math.isnan(half) else f"{row.difference - half:+.2f} to {row.difference + half:+.2f}"
+        mean, half, low, high = (
+            float(getattr(row, name)) for name in ("difference", "t_half", "low", "high")
         )
-        lines.append([said, span, student, str(row.seeds), str(row.verdict)])
+        small = all(
+            abs(end) < SMALL for end in (low, high, mean - half, mean + half)
+        )  # one seed: half is nan
+        student = NOTHING if math.isnan(half) else f"{mean - half:+.2f} to {mean + half:+.2f}"
+        verdict = f"within {SMALL} of nothing" if small else str(row.verdict)
+        lines.append([said, signed_interval(mean, low, high), student, str(row.seeds), verdict])
     return table(HEADER, lines) if lines else ""
