@@ -121,7 +121,7 @@ def differences_figure(
     ]
     name_rows(axes, words, fontsize=8)
     axes.axvline(0, color="black", linewidth=0.8)
-    axes.set_xlabel("difference in progress, same seed (black: bootstrap, grey: Student's t, 95%)")
+    axes.set_xlabel("difference in progress, same seed\n95%: bootstrap black, Student's t grey")
     return figure
 
 
