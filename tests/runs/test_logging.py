@@ -1,6 +1,7 @@
 """Tables that runs leave behind, and the numbers in them."""
 
 import math
+import platform
 from pathlib import Path
 
 import pandas as pd
@@ -190,6 +191,16 @@ def test_terminal_states_and_the_best_so_far_are_resumed(tmp_path):
     assert not again.improved
     table = pd.read_csv(tmp_path / "results" / "table" / "chain" / "seed0" / "terminal_states.csv")
     assert table.to_dict("records") == [{"env_steps": 5, "skill": 2, "pose_0": 0.12346, "pose_1": 1.0}]
+
+
+def test_the_processor_is_named(tmp_path, monkeypatch):
+    two = "vendor_id\t: GenuineIntel\ncpu family\t: 6\nmodel\t\t: 143\nmodel name\t: Intel(R) Xeon(R)\n"
+    (tmp_path / "cpuinfo").write_text(two + "\n" + two)
+    monkeypatch.setattr(torch.backends.cpu, "get_cpu_capability", lambda: "AVX2")
+    machine = platform.machine()
+    assert versions.processor(tmp_path / "cpuinfo") == f"{machine} GenuineIntel 6.143 AVX2"
+    assert versions.processor(tmp_path / "none") == f"{machine} AVX2"
+    assert versions.versions()["processor"] == versions.processor()
 
 
 def test_seeds_of_different_purposes_differ():

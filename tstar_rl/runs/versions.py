@@ -1,11 +1,12 @@
-"""What a run's figures came from: versions of Python and of packages, and the commit of the code."""
+"""What a run's figures came from: versions of Python and of packages, the processor, and the commit of the code."""
 
+import platform
 import subprocess
 import sys
 from importlib.metadata import version
 from pathlib import Path
 
-__all__ = ["DIRTY", "UNKNOWN", "commit", "versions"]
+__all__ = ["DIRTY", "UNKNOWN", "commit", "processor", "versions"]
 
 CODE = ("*.py", "configs", "envs", "pyproject.toml")
 """What decides a run's figures, from the repository's root: a change there is recorded."""
@@ -16,7 +17,7 @@ DIRTY = "-dirty"
 
 
 def versions() -> dict[str, str]:
-    """Of Python, of the packages that decide a run's figures, and `commit`; `UNKNOWN` where there is none."""
+    """Of Python and of the packages that decide a run's figures, `processor()`, and `commit()` or `UNKNOWN`."""
     names = ("torch", "torchrl", "tensordict", "mujoco", "tstar-rl")
     found: dict[str, str] = {"python": sys.version.split()[0]}
     for name in names:
@@ -24,7 +25,23 @@ def versions() -> dict[str, str]:
             found[name] = version(name)
         except ModuleNotFoundError:
             found[name] = "not installed"
-    return {**found, "commit": commit() or UNKNOWN}
+    return {**found, "processor": processor(), "commit": commit() or UNKNOWN}
+
+
+def processor(cpuinfo: Path = Path("/proc/cpuinfo")) -> str:
+    """What decides the last bits of a figure (decision 0025): machine, vendor, family.model, torch's choice of code.
+
+    Vendor, family and model are those of Linux; elsewhere they are left out.
+    """
+    import torch
+
+    lines = cpuinfo.read_text().splitlines() if cpuinfo.is_file() else []
+    known = {
+        name.strip(): value.strip() for name, _, value in (line.partition(":") for line in reversed(lines))
+    }
+    kind = ".".join(known[name] for name in ("cpu family", "model") if name in known)
+    words = (platform.machine(), known.get("vendor_id", ""), kind, torch.backends.cpu.get_cpu_capability())
+    return " ".join(word for word in words if word)
 
 
 def commit() -> str:
