@@ -59,7 +59,7 @@ def main(config: DictConfig) -> None:
         root, step = code.get(planned[0] or ""), planned[1]
         with composing, nullcontext() if root is None else configs_of(root):
             place = step_config(without_bonus(step))
-            step = with_bonus(step, (place.results_dir, published), place.task.name, place.seed)
+            step = with_bonus(step, place.task.name, place.seed, place.results_dir, published)
             done = is_done(step, ignored=("bonus",))
         if not done:
             _run_until(end, step, line, root)

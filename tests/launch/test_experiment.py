@@ -197,16 +197,16 @@ def test_a_bonus_is_known_once_its_arm_is_trained(tmp_path):
     with pytest.raises(
         FileNotFoundError, match=r"train it first \(python recipes/tstar.py task=table_lack seed=7\)"
     ):
-        with_bonus(step, [tmp_path], "table_lack", 7)
+        with_bonus(step, "table_lack", 7, tmp_path)
     folder = tmp_path / "table_lack/tstar/seed7"
     folder.mkdir(parents=True)
     rows = {"episodes": [10, 30], "success_rate": [1.0, 0.5], "tsr_on_success": [0.2, 0.4]}
     pd.DataFrame(rows).to_csv(folder / "metrics.csv", index=False)
     # Ten successes of .2 and fifteen of .4: a mean of 8 / 25.
-    assert with_bonus(step, [tmp_path], "table_lack", 7) == (*step[:2], "bonus=0.32")
-    assert with_bonus(step, [tmp_path / "none", tmp_path], "table_lack", 7) == (*step[:2], "bonus=0.32")
+    assert with_bonus(step, "table_lack", 7, tmp_path) == (*step[:2], "bonus=0.32")
+    assert with_bonus(step, "table_lack", 7, tmp_path / "none", tmp_path) == (*step[:2], "bonus=0.32")
     pd.DataFrame({"episodes": [10], "success_rate": [0.0]}).to_csv(folder / "metrics.csv", index=False)
-    assert with_bonus(step, [tmp_path], "table_lack", 7) == (*step[:2], "bonus=0.0")
+    assert with_bonus(step, "table_lack", 7, tmp_path) == (*step[:2], "bonus=0.0")
 
 
 def test_finished_runs_are_published_and_others_are_not(tmp_path):

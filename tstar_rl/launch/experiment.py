@@ -200,14 +200,14 @@ def without_bonus(step: Step) -> Step:
     return tuple(value for value in step if not value.startswith(BONUS))
 
 
-def with_bonus(step: Step, places: Sequence[str | Path], task: str, seed: int) -> Step:
+def with_bonus(step: Step, task: str, seed: int, *places: str | Path) -> Step:
     """A step in which the bonus of another arm is a number, once that arm has been trained.
 
     Args:
         step: recipe and values.
-        places: folders of results; the first that has a table of that arm's training is read.
         task: furniture.
         seed: of both arms.
+        *places: folders of results; the first that has a table of that arm's training is read.
 
     Raises:
         MissingFileError: if none has one.
