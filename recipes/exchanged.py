@@ -13,12 +13,12 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from tstar_rl.analysis.figures import exchanged_figure, save_figure
-from tstar_rl.chaining.exchange import exchange_skills
 from tstar_rl.config.chain import load_skills
 from tstar_rl.config.load import recipe
 from tstar_rl.config.seams import chain_of, env_at_seam
 from tstar_rl.intervals import wilson_interval
 from tstar_rl.runs.csv_tables import append_rows
+from tstar_rl.seams.exchange import exchange_skills
 from tstar_rl.seeds import evaluation_seed
 
 

@@ -17,13 +17,13 @@ from tensordict import TensorDictBase
 from torchrl.envs import TransformedEnv
 
 from tstar_rl.analysis import hand_over_matrix, save_figure
-from tstar_rl.chaining.exchange import run_from
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.config.load import recipe
 from tstar_rl.config.seams import chain_of, env_at_seam
 from tstar_rl.intervals import wilson_interval
 from tstar_rl.rollouts.state_sets import TerminationSet
 from tstar_rl.runs.csv_tables import append_rows
+from tstar_rl.seams.exchange import run_from
 from tstar_rl.seeds import evaluation_seed
 
 

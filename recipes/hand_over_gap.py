@@ -8,7 +8,7 @@ for each floor under its normalisers' deviations; its gap is the product of the 
 that row's progress. <results_dir>/<task>/seams.csv has a row for each skill that takes over: a cross-validated
 classifier's area under the curve, what falls when a group of its inputs is shuffled, success on either side of one
 input (split_by="joint 6"; null: the strongest one), and how much of the outcome the skill before it decides (see
-`tstar_rl.chaining.influence`). Rows of the same chain are replaced; seams.png shows the two sides.
+`tstar_rl.seams.influence`). Rows of the same chain are replaced; seams.png shows the two sides.
 """
 
 import difflib
@@ -28,11 +28,7 @@ from tstar_rl.analysis.figures import save_figure, sides_figure
 from tstar_rl.analysis.hand_over_gap import chain_interval, gap_interval, product_interval
 from tstar_rl.analysis.statistics import Interval
 from tstar_rl.chaining.chain import ChainPolicy
-from tstar_rl.chaining.exchange import run_from
-from tstar_rl.chaining.influence import Influence, influence_of
 from tstar_rl.chaining.skill import Skill
-from tstar_rl.chaining.two_sides import two_sides
-from tstar_rl.chaining.what_decides import input_groups, input_names, strongest_input, what_decides
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.build import environment
 from tstar_rl.config.load import recipe
@@ -42,6 +38,10 @@ from tstar_rl.rollouts.episodes import run_episodes
 from tstar_rl.rollouts.hand_overs import HandOvers, Seam
 from tstar_rl.rollouts.state_sets import TerminationSet
 from tstar_rl.runs.csv_tables import append_rows
+from tstar_rl.seams.exchange import run_from
+from tstar_rl.seams.influence import Influence, influence_of
+from tstar_rl.seams.two_sides import two_sides
+from tstar_rl.seams.what_decides import input_groups, input_names, strongest_input, what_decides
 from tstar_rl.seeds import evaluation_seed
 
 

@@ -41,6 +41,7 @@ ROOMS = (
     ("rollouts",),
     ("demonstrations",),
     ("chaining", "spirl"),
+    ("seams",),
     ("shipped",),
     ("config",),
     ("launch",),

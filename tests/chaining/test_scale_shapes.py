@@ -5,7 +5,7 @@ import yaml
 from point_chain import PointChain
 
 from tstar_rl.chaining.turns import Turn
-from tstar_rl.config.load import CONFIGS
+from tstar_rl.config.values import CONFIGS
 
 SIMULATIONS = 8
 UPDATES = ("++ppo.epochs=1", "++chain.ppo.epochs=1", "++f_phi.steps=1", "d_omega.steps=1")

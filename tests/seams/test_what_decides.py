@@ -4,13 +4,13 @@ import math
 
 import torch
 
-from tstar_rl.chaining.what_decides import (
+from tstar_rl.env.layout import observation_size
+from tstar_rl.seams.what_decides import (
     input_groups,
     input_names,
     strongest_input,
     what_decides,
 )
-from tstar_rl.env.layout import observation_size
 
 PARTS = ("top", "leg")
 GROUPS = input_groups(PARTS)

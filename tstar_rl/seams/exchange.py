@@ -11,10 +11,10 @@ from typing import NamedTuple
 from tensordict import TensorDictBase
 from torchrl.envs import ExplorationType, TransformedEnv, set_exploration_type
 
-from tstar_rl.chaining.influence import Repeated
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.rollouts.episodes import run_episodes
 from tstar_rl.rollouts.state_sets import TerminationSet
+from tstar_rl.seams.influence import Repeated
 
 __all__ = ["VERSIONS", "Exchange", "exchange_skills", "run_from"]
 

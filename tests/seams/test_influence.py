@@ -7,9 +7,9 @@ import torch
 from point_chain import PointChain
 from tensordict import TensorDict
 
-from tstar_rl.chaining.influence import Repeated, influence_of, share_within
 from tstar_rl.rollouts.collection import with_starts
 from tstar_rl.rollouts.starts import make_starts
+from tstar_rl.seams.influence import Repeated, influence_of, share_within
 
 
 def of_groups(*outcomes: list[int]):

@@ -4,7 +4,7 @@ import math
 
 import torch
 
-from tstar_rl.chaining.two_sides import two_sides
+from tstar_rl.seams.two_sides import two_sides
 
 
 def test_two_heaps_are_parted_and_each_has_its_own_success():

@@ -8,10 +8,10 @@ from point_chain import PointChain, make_skills
 from tensordict import TensorDict
 
 from tstar_rl.analysis.figures.seams import exchanged_figure
-from tstar_rl.chaining.exchange import exchange_skills, run_from
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.rollouts.collection import with_starts
 from tstar_rl.rollouts.starts import make_starts
+from tstar_rl.seams.exchange import exchange_skills, run_from
 
 EPISODES = 64
 
