@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from importlib import import_module
 from typing import Any
 
 import mujoco
@@ -15,8 +16,8 @@ def libraries() -> tuple[Any, Any]:
         ImportError: the extra `gpu` is not installed.
     """
     try:
-        import mujoco_warp
-        import warp
+        mujoco_warp: Any = import_module("mujoco_warp")  # by name: pyright passes without the extra too
+        warp: Any = import_module("warp")
     except ImportError as error:
         raise ImportError(
             "simulating on a GPU (device='cuda', or physics='warp') needs the extra 'gpu': "
