@@ -27,7 +27,8 @@ from omegaconf import DictConfig
 from tqdm import tqdm
 
 from tstar_rl.config.build import environment, make_collection, new_skill
-from tstar_rl.config.load import CONFIGS, recipe
+from tstar_rl.config.load import recipe
+from tstar_rl.config.values import CONFIGS
 from tstar_rl.runs.csv_tables import append_rows
 from tstar_rl.seeds import derive_seed
 

@@ -6,7 +6,7 @@ from omegaconf import DictConfig
 
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.config.build import environment, new_skill
-from tstar_rl.config.load import settings
+from tstar_rl.config.values import settings
 from tstar_rl.demonstrations.collect import collect
 from tstar_rl.demonstrations.data_set import Demonstrations
 from tstar_rl.rollouts.collection import Collection

@@ -22,8 +22,9 @@ from tstar_rl.analysis.tables import config_of
 from tstar_rl.chaining.chain import ChainPolicy, chain_folders
 from tstar_rl.checks import InvalidValueError, MissingFileError
 from tstar_rl.config.build import environment, load_skill
-from tstar_rl.config.load import plain, recipe
+from tstar_rl.config.load import recipe
 from tstar_rl.config.pretrained import take_pretrained
+from tstar_rl.config.values import plain
 from tstar_rl.launch.steps import evaluated_runs, run_folder
 from tstar_rl.rollouts.episodes import check_modes, evaluate, same_policy
 from tstar_rl.rollouts.recorder import Recorder

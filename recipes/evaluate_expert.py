@@ -9,7 +9,8 @@ import torch
 from omegaconf import DictConfig
 
 from tstar_rl.config.build import environment
-from tstar_rl.config.load import plain, recipe
+from tstar_rl.config.load import recipe
+from tstar_rl.config.values import plain
 from tstar_rl.rollouts.episodes import evaluate
 from tstar_rl.rollouts.recorder import Recorder
 from tstar_rl.runs.csv_tables import append_rows

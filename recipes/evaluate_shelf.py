@@ -13,7 +13,8 @@ import torch
 from omegaconf import DictConfig, OmegaConf
 
 from tstar_rl.config.build import environment
-from tstar_rl.config.load import CONFIGS, recipe, task_section
+from tstar_rl.config.load import recipe
+from tstar_rl.config.values import CONFIGS, task_section
 from tstar_rl.rollouts.episodes import evaluate
 from tstar_rl.runs.csv_tables import append_rows
 from tstar_rl.seeds import evaluation_seed

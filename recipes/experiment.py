@@ -22,7 +22,8 @@ from typing import Any
 from omegaconf import DictConfig
 
 from tstar_rl.checks import InvalidValueError
-from tstar_rl.config.load import plain, recipe
+from tstar_rl.config.load import recipe
+from tstar_rl.config.values import plain
 from tstar_rl.launch.code_of_commit import code_of_commit, configs_of
 from tstar_rl.launch.experiment import DeclaredExperiment, publish, with_bonus, without_bonus
 from tstar_rl.launch.experiment_values import parse_experiment

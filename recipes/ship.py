@@ -18,7 +18,8 @@ from omegaconf import DictConfig
 from tstar_rl.chaining.chain import chain_folders
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.checks import MissingFileError
-from tstar_rl.config.load import plain, recipe
+from tstar_rl.config.load import recipe
+from tstar_rl.config.values import plain
 from tstar_rl.launch.steps import evaluated_runs, run_folder
 from tstar_rl.runs.checkpoint import CheckpointMismatchError, differences
 from tstar_rl.runs.run_folder import made_by

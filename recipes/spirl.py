@@ -7,8 +7,9 @@ from omegaconf import DictConfig
 from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
 
 from tstar_rl.config.build import environment, load_demonstrations, new_spirl_agent
-from tstar_rl.config.load import plain, recipe, settings
+from tstar_rl.config.load import recipe
 from tstar_rl.config.schema import SpirlSection
+from tstar_rl.config.values import plain, settings
 from tstar_rl.seeds import derive_seed
 from tstar_rl.spirl import (
     TRANSITION,

@@ -14,7 +14,7 @@ from torchrl.envs import EnvBase
 
 from tstar_rl.chaining.skill import NetworkSettings, Skill
 from tstar_rl.config import build, chain
-from tstar_rl.config.load import CONFIGS
+from tstar_rl.config.values import CONFIGS
 from tstar_rl.env import furniture_env
 
 ROOT = Path(__file__).resolve().parents[1]

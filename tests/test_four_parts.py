@@ -19,7 +19,7 @@ from tstar_rl.config.build import (
     new_skill,
     new_spirl_agent,
 )
-from tstar_rl.config.load import CONFIGS
+from tstar_rl.config.values import CONFIGS
 from tstar_rl.demonstrations.collect import collect
 from tstar_rl.env.layout import observation_size
 from tstar_rl.rollouts.collection import Collection

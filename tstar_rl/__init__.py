@@ -17,8 +17,9 @@ if TYPE_CHECKING:
     from tstar_rl.chaining.trials import run_trial
     from tstar_rl.config.build import environment, load_demonstrations, new_skill, skill_training
     from tstar_rl.config.chain import chain_turns, load_skills
-    from tstar_rl.config.load import plain, recipe, settings
+    from tstar_rl.config.load import recipe
     from tstar_rl.config.schema import Section
+    from tstar_rl.config.values import plain, settings
     from tstar_rl.demonstrations.data_set import Demonstrations
     from tstar_rl.env.furniture_env import FurnitureEnv
     from tstar_rl.rollouts.collection import Collection
@@ -75,11 +76,11 @@ HOMES = {
     "load_skills": "config.chain",
     "new_skill": "config.build",
     "outcome_loss": "signal_equations",
-    "plain": "config.load",
+    "plain": "config.values",
     "recipe": "config.load",
     "run_trial": "chaining.trials",
     "save_chain": "chaining.chain",
-    "settings": "config.load",
+    "settings": "config.values",
     "skill_training": "config.build",
     "squared_error_loss": "signal_equations",
     "value_scale": "chaining.signals",

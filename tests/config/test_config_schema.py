@@ -8,7 +8,8 @@ from hydra import compose, initialize_config_dir
 
 from tstar_rl.config.build import demonstrations_path
 from tstar_rl.config.check import ConfigError
-from tstar_rl.config.load import CONFIGS, check_config, recipe, settings
+from tstar_rl.config.load import check_config, recipe
+from tstar_rl.config.values import CONFIGS, settings
 from tstar_rl.updates import PPOSettings
 
 RECIPES = Path(__file__).resolve().parents[2] / "recipes"

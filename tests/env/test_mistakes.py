@@ -7,7 +7,7 @@ from hydra.errors import ConfigCompositionException, MissingConfigException
 from tensordict import TensorDict
 
 from tstar_rl.config.build import environment
-from tstar_rl.config.load import CONFIGS, settings
+from tstar_rl.config.values import CONFIGS, settings
 from tstar_rl.env.furniture_env import FurnitureEnv
 from tstar_rl.updates import PPOSettings
 

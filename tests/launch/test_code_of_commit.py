@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from hydra import compose, initialize_config_dir
 
-from tstar_rl.config.load import CONFIGS
+from tstar_rl.config.values import CONFIGS
 from tstar_rl.launch.code_of_commit import code_of_commit, configs_of
 from tstar_rl.launch.side_by_side import run_recipe
 

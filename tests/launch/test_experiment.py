@@ -5,7 +5,7 @@ import pytest
 import yaml
 from hydra import compose, initialize_config_dir
 
-from tstar_rl.config.load import CONFIGS, plain
+from tstar_rl.config.values import CONFIGS, plain
 from tstar_rl.launch.experiment import publish, with_bonus, without_bonus
 from tstar_rl.launch.experiment_values import parse_experiment
 

@@ -11,7 +11,7 @@ import yaml
 from hydra import initialize_config_dir
 from recipe_runs import load_recipe
 
-from tstar_rl.config.load import CONFIGS, plain
+from tstar_rl.config.values import CONFIGS, plain
 from tstar_rl.launch import experiment, steps
 from tstar_rl.launch.steps import is_done, missing, step_config, step_files
 from tstar_rl.runs.checkpoint import CheckpointMismatchError

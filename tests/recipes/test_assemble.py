@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from hydra import compose, initialize_config_dir
 
-from tstar_rl.config.load import CONFIGS
+from tstar_rl.config.values import CONFIGS
 
 RECIPE = Path(__file__).resolve().parents[2] / "recipes/assemble.py"
 

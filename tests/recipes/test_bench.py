@@ -10,7 +10,7 @@ import torch
 from hydra import compose, initialize_config_dir
 
 from tstar_envs.physics.cpu import CpuPhysics
-from tstar_rl.config.load import CONFIGS
+from tstar_rl.config.values import CONFIGS
 from tstar_rl.env.furniture_env import FurnitureEnv
 from tstar_rl.rollouts.collection import with_starts
 

@@ -6,7 +6,7 @@ import pytest
 import torch
 from hydra import compose, initialize_config_dir
 
-from tstar_rl.config.load import CONFIGS
+from tstar_rl.config.values import CONFIGS
 
 RECIPES = Path(__file__).resolve().parents[2] / "recipes"
 SMALL = [

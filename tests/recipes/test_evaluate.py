@@ -12,7 +12,7 @@ from recipe_runs import load_recipe
 
 from tstar_rl.chaining.chain import save_chain
 from tstar_rl.chaining.skill import NetworkSettings, Skill
-from tstar_rl.config.load import CONFIGS
+from tstar_rl.config.values import CONFIGS
 from tstar_rl.shipped.catalogue import load_pretrained
 
 CHAIN = ["last/skill0", "last/skill1"]

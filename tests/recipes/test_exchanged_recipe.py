@@ -9,7 +9,7 @@ from point_chain import PointChain, make_skills
 
 from tstar_rl.chaining.chain import save_chain
 from tstar_rl.chaining.skill import Skill
-from tstar_rl.config.load import CONFIGS
+from tstar_rl.config.values import CONFIGS
 from tstar_rl.env import furniture_env
 
 ROOT = Path(__file__).resolve().parents[2]

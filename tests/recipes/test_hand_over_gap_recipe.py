@@ -8,7 +8,7 @@ import pytest
 from hydra import compose, initialize_config_dir
 from point_chain import PointChain, make_skills
 
-from tstar_rl.config.load import CONFIGS
+from tstar_rl.config.values import CONFIGS
 from tstar_rl.env import furniture_env
 
 ROOT = Path(__file__).resolve().parents[2]

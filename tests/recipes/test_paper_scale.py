@@ -11,7 +11,7 @@ from hydra import compose, initialize_config_dir
 from recipe_runs import run
 
 from tstar_rl.chaining.skill import Skill
-from tstar_rl.config.load import CONFIGS, plain
+from tstar_rl.config.values import CONFIGS, plain
 
 STEPS = 16 * 32  # of one rollout, by the paper's 16 simulations
 BUDGET = [

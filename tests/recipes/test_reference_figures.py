@@ -42,7 +42,7 @@ def run(folder: Path, recipe: str, *values: str) -> None:
     """Runs a recipe in this process, as its command would."""
     from hydra import compose, initialize_config_dir
 
-    from tstar_rl.config.load import CONFIGS
+    from tstar_rl.config.values import CONFIGS
 
     places = [f"{place}_dir={folder / place}" for place in ("results", "runs", "demonstrations")]
     with initialize_config_dir(str(CONFIGS), version_base="1.3"):

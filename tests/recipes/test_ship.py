@@ -11,7 +11,7 @@ from hydra import compose, initialize_config_dir
 
 from tstar_rl.chaining.chain import load_chain, save_chain
 from tstar_rl.chaining.skill import NetworkSettings, Skill
-from tstar_rl.config.load import CONFIGS, plain
+from tstar_rl.config.values import CONFIGS, plain
 from tstar_rl.shipped.catalogue import load_pretrained, pretrained
 
 ROW = {

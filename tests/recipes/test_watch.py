@@ -9,7 +9,7 @@ from recipe_runs import load_recipe
 from tensordict import TensorDict
 
 from tstar_rl.chaining.skill import NetworkSettings, Skill
-from tstar_rl.config.load import CONFIGS
+from tstar_rl.config.values import CONFIGS
 from tstar_rl.shipped.chain import load_shipped, save_shipped
 
 TASK = "table_lack"

@@ -10,7 +10,8 @@ import pytest
 from hydra import compose, initialize_config_dir
 from recipe_runs import load_recipe
 
-from tstar_rl.config.load import CONFIGS, check_config
+from tstar_rl.config.load import check_config
+from tstar_rl.config.values import CONFIGS
 
 spec = importlib.util.spec_from_file_location(
     "kill_and_resume", Path(__file__).resolve().parents[2] / "tools" / "kill_and_resume.py"

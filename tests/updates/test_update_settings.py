@@ -5,7 +5,7 @@ import math
 import pytest
 from hydra import compose, initialize_config_dir
 
-from tstar_rl.config.load import CONFIGS, settings
+from tstar_rl.config.values import CONFIGS, settings
 from tstar_rl.spirl import LatentPolicySettings, ModelTrainingSettings
 from tstar_rl.updates import BehaviourCloningSettings, DiscriminatorSettings, PPOSettings
 

@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     )
     from tstar_rl.config.chain import chain_length, chain_turns, load_skills
     from tstar_rl.config.check import ConfigError
-    from tstar_rl.config.load import check_config, plain, recipe, settings
+    from tstar_rl.config.load import check_config, recipe
+    from tstar_rl.config.values import plain, settings
 
 HOMES = {
     "ConfigError": "check",
@@ -33,9 +34,9 @@ HOMES = {
     "load_skills": "chain",
     "new_skill": "build",
     "new_spirl_agent": "build",
-    "plain": "load",
+    "plain": "values",
     "recipe": "load",
-    "settings": "load",
+    "settings": "values",
     "skill_training": "build",
 }
 """The module of each public name."""

@@ -14,7 +14,7 @@ from tstar_rl.chaining.skill import NetworkSettings, Skill
 from tstar_rl.chaining.training import SkillTraining, TrainingSettings
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.demonstrations import demonstrations_path, load_demonstrations
-from tstar_rl.config.load import plain, settings
+from tstar_rl.config.values import plain, settings
 from tstar_rl.demonstrations.data_set import Demonstrations
 from tstar_rl.demonstrations.starts import DemonstrationStarts
 from tstar_rl.models.exploration import Exploration

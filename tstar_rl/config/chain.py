@@ -15,8 +15,8 @@ from tstar_rl.chaining.skill import Skill
 from tstar_rl.chaining.trials import run_trial
 from tstar_rl.chaining.turns import Turn
 from tstar_rl.config.build import environment, load_demonstrations, make_collection, training_settings
-from tstar_rl.config.load import plain
 from tstar_rl.config.ranges import check_links
+from tstar_rl.config.values import plain
 from tstar_rl.demonstrations.collect import collect
 from tstar_rl.demonstrations.data_set import Demonstrations
 from tstar_rl.rollouts.collection import Collection

@@ -5,7 +5,7 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from tstar_rl.checks import InvalidValueError
-from tstar_rl.config.load import plain
+from tstar_rl.config.values import plain
 from tstar_rl.demonstrations.data_set import Demonstrations
 from tstar_rl.demonstrations.file_check import KINDS, DemonstrationError
 from tstar_rl.demonstrations.formats import read_demonstrations

@@ -4,28 +4,27 @@ Names, plain values and what Hydra refuses are checked before torch is imported:
 second and not five.
 """
 
-import difflib
 import functools
 import gc
 import logging
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig
 
 from tstar_rl.config.check import ConfigError, check
 from tstar_rl.config.command_line import command_line, told_in_words
 from tstar_rl.config.ranges import check_machine, check_ranges_of, find
 from tstar_rl.config.schema import SECTIONS, Config
+from tstar_rl.config.values import CONFIGS, plain
 
-__all__ = ["check_config", "plain", "recipe", "settings", "task_section"]
+__all__ = ["check_config", "recipe"]
 
-CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 OWN_KEYS: dict[str, dict[str, Any]] = {}
 """Of each recipe that was imported, the keys that no other recipe needs to have, and the types of their values."""
 
@@ -90,27 +89,6 @@ def imports_not_collected() -> Iterator[None]:
         gc.enable()
 
 
-def plain(config: DictConfig) -> dict[str, Any]:
-    """The config as nested plain values."""
-    return OmegaConf.to_container(config, resolve=True, throw_on_missing=True)  # type: ignore[return-value]
-
-
-def task_section(name: str) -> DictConfig:
-    """The values of configs/task/<name>.yaml.
-
-    Raises:
-        ConfigError: if there is no such file; it lists those that there are.
-    """
-    files = {path.stem: path for path in sorted((CONFIGS / "task").glob("*.yaml"))}
-    if name not in files:
-        near = difflib.get_close_matches(name, files, n=1)
-        hint = f"; did you mean {near[0]}?" if near else ""
-        raise ConfigError(
-            f"a task must be one of {', '.join(files)} (files of configs/task), got {name!r}{hint}"
-        )
-    return OmegaConf.load(files[name])  # pyright: ignore[reportReturnType]
-
-
 def check_config(config: DictConfig, name: str) -> None:
     """Checks all names, types and ranges in the config of the recipe `name`.
 
@@ -147,20 +125,3 @@ def _check_what_the_library_declares(values: dict[str, Any]) -> None:
         check_shares(shares)
     RewardMixture(**values["reward"])  # both say what is wrong with their section
     TerminalStateReward(nn.Identity(), **values["terminal_reward"])
-
-
-Settings = TypeVar("Settings")
-
-
-def settings(kind: type[Settings], section: Mapping[str, Any] | DictConfig) -> Settings:
-    """A frozen settings object from a section of the config.
-
-    Raises:
-        ConfigError: for a name that `kind` does not have, or a value of another type.
-    """
-    values = (
-        OmegaConf.to_container(section, resolve=True) if isinstance(section, DictConfig) else dict(section)
-    )
-    assert isinstance(values, dict)
-    check({str(name): value for name, value in values.items()}, kind, kind.__name__)
-    return kind(**{str(k): tuple(v) if isinstance(v, list) else v for k, v in values.items()})

@@ -7,7 +7,7 @@ from typing import Any
 from omegaconf import DictConfig, open_dict
 
 from tstar_rl.checks import InvalidValueError
-from tstar_rl.config.load import plain, task_section
+from tstar_rl.config.values import plain, task_section
 from tstar_rl.shipped.catalogue import CHAINS, DEFAULT, load_pretrained
 from tstar_rl.shipped.chain import ShippedChain
 

@@ -6,7 +6,7 @@ from functools import partial
 from omegaconf import DictConfig
 
 from tstar_rl.checks import InvalidValueError
-from tstar_rl.config.load import settings
+from tstar_rl.config.values import settings
 from tstar_rl.launch.cluster import run_on_cluster
 from tstar_rl.launch.side_by_side import run_recipe
 from tstar_rl.rollouts.cluster import ClusterSettings

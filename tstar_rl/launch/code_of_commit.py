@@ -10,7 +10,7 @@ from hydra import initialize_config_dir
 from hydra.core.global_hydra import GlobalHydra
 
 from tstar_rl.checks import InvalidValueError
-from tstar_rl.config.load import CONFIGS
+from tstar_rl.config.values import CONFIGS
 
 __all__ = ["code_of_commit", "configs_of", "environ_of"]
 

@@ -16,7 +16,7 @@ from omegaconf import DictConfig
 
 from tstar_rl.config.build import demonstrations_path
 from tstar_rl.config.chain import chain_length
-from tstar_rl.config.load import plain
+from tstar_rl.config.values import plain
 from tstar_rl.launch.side_by_side import Step
 from tstar_rl.runs.checkpoint import CheckpointMismatchError, differences
 from tstar_rl.runs.run import MACHINE_ONLY
