@@ -125,7 +125,7 @@ def test_comparisons_are_paired_by_seed(root):
     # Differences .95 - .75 and .85 - .6: mean .225, deviation .05 / sqrt(2), t of one degree 12.706.
     assert row["difference"] == pytest.approx(0.225) and row["improvement"] == 1.0
     assert row["t_half"] == pytest.approx(12.706 * 0.05 / 2, abs=1e-3)
-    assert row["low"] > 0 and row["verdict"] == "not told apart"
+    assert row["low"] > 0 and row["verdict"] == "no clear difference"
 
 
 def test_product_of_skills_by_hand():

@@ -106,4 +106,4 @@ def test_it_runs_on_the_committed_tables(path, kernel):
         assert_all_is_shown(path.stem, text, pictures)
     else:
         assert "verdict" in text and pictures >= 2
-        assert re.search(r" (higher|lower|not told apart) *$", text, re.MULTILINE)
+        assert re.search(r" (higher|lower|no clear difference) *$", text, re.MULTILINE)

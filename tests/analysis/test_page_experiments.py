@@ -42,7 +42,7 @@ def test_an_experiment_has_arms_comparisons_and_its_commit(published):
     assert "| buffer starts, every turn kept | 2 | 0.375 [" in odd
     # Both seeds differ by .25; four pairs of seeds: three wins and a tie.
     assert re.search(
-        r"\| T-STAR less buffer starts, every turn kept \| 2 \| \+0\.250 .* \| 0\.875 .* \| higher \|", odd
+        r"\| T-STAR minus buffer starts, every turn kept \| 2 \| \+0\.250 .* \| 0\.875 .* \| higher \|", odd
     )
     assert "| T-STAR, last | 1.00 | 0.50 / 1.00 | 2 |" in odd
     assert "| T-STAR | 0.90 +- 0.07 | 87% | 1.000 |" in plain and "0.625" not in plain
@@ -80,9 +80,9 @@ def test_a_family_of_comparisons_is_corrected_for_all_of_it(published):
     contents(published, [odd, {"folder": "plain", "kind": "paper"}], {})
     page = results_page(published, THEIRS, "")
     # Differences .25 and .125: t = 3 with one degree of freedom has p = .2048; twice that, for the pair not run counts.
-    assert re.search(r"\| T-STAR less buffer starts \| 2 \|.*\| 0\.410 \| not told apart \|", page)
+    assert re.search(r"\| T-STAR minus buffer starts \| 2 \|.*\| 0\.410 \| no clear difference \|", page)
     assert re.search(
-        r"\| buffer starts less buffer starts, every turn kept \| 2 \|.*\| - \| not told apart \|", page
+        r"\| buffer starts minus buffer starts, every turn kept \| 2 \|.*\| - \| no clear difference \|", page
     )
 
 
@@ -148,7 +148,7 @@ def test_the_page_shows_the_figures_that_are_drawn(published, tmp_path):
 def test_notes_get_the_tables_that_they_ask_for(published):
     page = results_page(published, THEIRS, "Found.\n\n<!-- table: odd -->\n\n<!-- comparisons: odd -->")
     lead = page.split("## How to read the tables")[0]
-    assert "| T-STAR | 0.625 [" in lead and "| T-STAR less buffer starts, every turn kept |" in lead
+    assert "| T-STAR | 0.625 [" in lead and "| T-STAR minus buffer starts, every turn kept |" in lead
     with pytest.raises(ValueError, match="table: plain -->: there is no such experiment; there are odd"):
         results_page(published, THEIRS, "<!-- table: plain -->")
 
@@ -175,9 +175,9 @@ def test_what_each_choice_adds_is_said_in_the_words_of_the_contents(published):
     assert rows["d_omega and a gate"][1:] == ["+0.25 to +0.25", "2", "higher"]
     assert rows["d_omega and a gate"][0].startswith("+0.250 [")
     # .01 and 0: half of 12.7 deviations of .0071, over the root of two, is .064.
-    assert rows["hardly anything"][1:] == ["-0.06 to +0.07", "2", "not told apart"]
-    assert rows["nothing"] == ["+0.000 [+0.00, +0.00]", "+0.00 to +0.00", "2", "within 0.05 of nothing"]
-    assert rows["one seed"][1:] == ["-", "1", "not told apart"]
+    assert rows["hardly anything"][1:] == ["-0.06 to +0.07", "2", "no clear difference"]
+    assert rows["nothing"] == ["+0.000 [+0.00, +0.00]", "+0.00 to +0.00", "2", "within 0.05 of zero"]
+    assert rows["one seed"][1:] == ["-", "1", "no clear difference"]
     assert "what was not run" not in rows
 
 

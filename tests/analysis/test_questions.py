@@ -7,7 +7,7 @@ from tstar_rl.analysis.questions import Question, answer, seeds_to_decide
 
 
 def compared(first="a", second="b", difference=0.1, half=0.05, seeds=10, **more) -> dict:
-    verdict = "higher" if difference > half else "lower" if difference < -half else "not told apart"
+    verdict = "higher" if difference > half else "lower" if difference < -half else "no clear difference"
     row = {"first": first, "second": second, "difference": difference, "t_half": half, "seeds": seeds}
     ends = {"low": difference - half, "high": difference + half, "verdict": verdict}
     return {**row, **ends, "improvement": 1.0, "corrected": 0.001, **more}

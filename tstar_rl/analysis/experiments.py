@@ -149,7 +149,7 @@ def compare_arms(rows: pd.DataFrame, pairs: Iterable[Sequence[str]]) -> pd.DataF
 
     Args:
         rows: see `arm_table`.
-        pairs: (first, second): the difference is first less second.
+        pairs: (first, second): the difference is first minus second.
 
     Returns:
         Columns first, second, seeds, difference, low, high (bootstrap), t_half and p_value (Student's t), improvement
@@ -179,7 +179,7 @@ def product_of_skills(own_success: Sequence[float]) -> float:
 
 
 def hand_over_gaps(experiment: Experiment, task: str, checkpoint: str = "last") -> pd.DataFrame:
-    """What a chaining method could mend: product of the skills' own success less the chain's progress, for each run.
+    """What a chaining method could mend: product of the skills' own success minus the chain's progress, for each run.
 
     Own success is that of hand_over.csv for the same arm and seed. An arm without it takes that of the skills that it
     started from (`skills` in its config.yaml), where they were evaluated alone.

@@ -1,4 +1,4 @@
-"""The hand-over gap of one chain with its interval: what its skills would do, less what they do.
+"""The hand-over gap of one chain with its interval: what its skills would do, minus what they do.
 
 Source: docs/experiments/regimes.md.
 """
@@ -43,7 +43,7 @@ def gap_interval(
     rng: np.random.Generator,
     resamples: int = RESAMPLES,
 ) -> Interval:
-    """The product less the chain's progress; the episodes of both are drawn apart from each other.
+    """The product minus the chain's progress; the episodes of both are drawn apart from each other.
 
     Args:
         successes, episodes: see `product_interval`.

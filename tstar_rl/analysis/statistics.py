@@ -57,11 +57,11 @@ class Difference(NamedTuple):
     seeds: int
 
     def verdict(self) -> str:
-        """Returns "higher" or "lower" where every interval excludes 0, else "not told apart"."""
+        """Returns "higher" or "lower" where every interval excludes 0, else "no clear difference"."""
         sure = self.low > 0 or self.high < 0
         if math.isfinite(self.t_half):
             sure &= abs(self.value) > self.t_half
-        return "not told apart" if not sure else "higher" if self.value > 0 else "lower"
+        return "no clear difference" if not sure else "higher" if self.value > 0 else "lower"
 
 
 def interquartile_mean(values: ArrayLike) -> Array:
@@ -121,7 +121,7 @@ def paired_difference(
     rng: np.random.Generator,
     resamples: int = RESAMPLES,
 ) -> Difference:
-    """Mean of first less second over the seeds that both have, seeds drawn as pairs.
+    """Mean of first minus second over the seeds that both have, seeds drawn as pairs.
 
     Args:
         first: (episodes,) scores by seed.

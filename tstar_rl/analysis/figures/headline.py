@@ -28,7 +28,7 @@ def headline_figure(
     Args:
         rows: see `experiments.arm_table`.
         arms: names of the arms that are drawn, from top to bottom, and what each is called.
-        differences: what each is called, and its two arms: first less second, on the seeds that both have.
+        differences: what each is called, and its two arms: first minus second, on the seeds that both have.
         margin: a difference smaller than this does not matter; drawn as a band about 0.
 
     Raises:

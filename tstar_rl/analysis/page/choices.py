@@ -9,7 +9,7 @@ from tstar_rl.analysis.page.markdown import NOTHING, Paper, signed_interval, tab
 
 __all__ = ["choice_table"]
 
-HEADER = ["what is chosen", "adds to progress [95%, bootstrap]", "95%, Student's t", "seeds", "so it is"]
+HEADER = ["what is chosen", "adds to progress [95%, bootstrap]", "95%, Student's t", "seeds", "verdict"]
 SMALL = 0.05
 """A difference whose two intervals lie within this of zero is called small, whatever its sign."""
 
@@ -29,6 +29,6 @@ def choice_table(experiment: Experiment, paper: Paper, entry: Entry, task: str) 
             abs(end) < SMALL for end in (low, high, mean - half, mean + half)
         )  # one seed: half is nan
         student = NOTHING if math.isnan(half) else f"{mean - half:+.2f} to {mean + half:+.2f}"
-        verdict = f"within {SMALL} of nothing" if small else str(row.verdict)
+        verdict = f"within {SMALL} of zero" if small else str(row.verdict)
         lines.append([said, signed_interval(mean, low, high), student, str(row.seeds), verdict])
     return table(HEADER, lines) if lines else ""

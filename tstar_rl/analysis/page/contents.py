@@ -29,7 +29,7 @@ class Entry:
     commits: str = "one"
     """one: arms of several commits are refused; several: the page says which."""
     pairs: tuple[tuple[str, str], ...] = ()
-    """Arms that are compared: first less second."""
+    """Arms that are compared: first minus second."""
     families: tuple[tuple[tuple[str, str], ...], ...] = ()
     """Pairs that decide a question together: the p-values of each family are corrected for how many they are."""
     questions: tuple[Question, ...] = ()

@@ -113,7 +113,7 @@ def comparison_table(experiment: Experiment, paper: Paper, entry: Entry, task: s
     for row in found.itertuples():
         better = (row.improvement, row.improvement_low, row.improvement_high)
         half = NOTHING if math.isnan(row.t_half) else f"+- {row.t_half:.3f}"
-        line = [f"{arm_label(paper, row.first)} less {arm_label(paper, row.second)}", str(row.seeds)]
+        line = [f"{arm_label(paper, row.first)} minus {arm_label(paper, row.second)}", str(row.seeds)]
         line += [signed_interval(row.difference, row.low, row.high), half, interval(*better)]
         ours = [_p_value(corrected.get((row.first, row.second)))] if corrected else []
         lines.append([*line, *ours, str(row.verdict)])

@@ -24,7 +24,7 @@ class Headline:
     arms: Mapping[str, str]
     """Names of arms, and what each is called here."""
     differences: Mapping[str, tuple[str, str]]
-    """What each is called; the first arm less the second."""
+    """What each is called; the first arm minus the second."""
 
     def figure(self) -> Figure:
         """Of the last checkpoints; see `headline_figure`."""

@@ -41,7 +41,7 @@ exclude zero. *Probability of improvement* is how often a seed of the first arm 
 give mean +- standard deviation over seeds.
 
 *Product of its skills* is the progress of a chain whose skills succeed as often from where the one before ends as from
-their own starts. The *hand-over gap* is that product less what the chain does: all that a way of chaining can mend.
+their own starts. The *hand-over gap* is that product minus what the chain does: all that a way of chaining can mend.
 """
 
 
