@@ -23,8 +23,8 @@ def said(*rows: dict, pairs=(("a", "b"),), **rule) -> str:
         (compared(), "yes"),
         (compared(seeds=9), "being measured: 9 of 10 seeds"),
         (compared("a", "c"), "being measured: 0 of 10 seeds"),
-        (compared(difference=0.01, half=0.02), "no, not by 0.05"),
-        (compared(difference=-0.1, half=0.02), "no, not by 0.05"),
+        (compared(difference=0.01, half=0.02), "no: a gain of 0.05 is ruled out"),
+        (compared(difference=-0.1, half=0.02), "no: a gain of 0.05 is ruled out"),
         # The bootstrap's end is below the margin, Student's is not. The deviation is .04 sqrt(10) / 2.262 = .0559, and
         # the margin .03 away: 2.145 x .0559 / sqrt(15) = .0310, 2.131 x .0559 / sqrt(16) = .0298.
         (compared(difference=0.02, half=0.04, high=0.03), "not decided; 16 seeds would"),

@@ -54,7 +54,7 @@ def answer(question: Question, found: pd.DataFrame) -> str:
     if question.margin is None:
         return "not shown"
     if (rows["high"].combine(rows["difference"] + rows["t_half"], max) < question.margin).all():
-        return f"no, not by {question.margin:g}"
+        return f"no: a gain of {question.margin:g} is ruled out"
     needed = [seeds_to_decide(*one, question.margin) for one in zip(*_spread(rows), strict=True)]
     return f"not decided; {max(needed)} seeds would" if all(needed) else "not decided"
 
