@@ -1,7 +1,6 @@
-"""An experiment on the page: its arms, comparisons, questions and turns, and mistakes in contents.yaml."""
+"""An experiment on the page: its arms, comparisons, questions and turns."""
 
 import re
-from pathlib import Path
 
 import pandas as pd
 import pytest
@@ -11,24 +10,6 @@ from published_runs import THEIRS, contents, write
 from tstar_rl.analysis import read_metrics, rise_figure, steps_of_arms
 from tstar_rl.analysis.page import draw_page, results_head, results_page, runs_page
 from tstar_rl.analysis.page.contents import read_contents
-
-
-@pytest.fixture
-def published(tmp_path) -> Path:
-    """An experiment of two arms and two seeds, and tables beside the paper's."""
-    for seed, progress in ((3, 0.75), (4, 0.5)):
-        write(tmp_path, "odd", "tstar", seed, progress)
-        write(tmp_path, "odd", "buffer_no_gate", seed, progress - 0.25)
-    write(tmp_path, "plain", "tstar", 0, 1.0)
-    own = {"system": "tstar", "checkpoint": "last", "own_starts": 1.0}
-    steps = [{**own, "seed": seed, "subtask": 0} for seed in (3, 4)]
-    steps += [{**own, "seed": seed, "subtask": 1, "handed_over": 0.5} for seed in (3, 4)]
-    pd.DataFrame(steps).to_csv(tmp_path / "odd" / "table" / "hand_over.csv", index=False)
-    (tmp_path / "odd" / "README.md").write_text("# Odd chains\n\nOf skills that are odd.\n")
-    (tmp_path / "plain" / "README.md").write_text("# Plain: chains\n\nAs in the paper.\n")
-    odd = {"folder": "odd", "kind": "experiment", "pairs": [["tstar", "buffer_no_gate"]]}
-    contents(tmp_path, [odd, {"folder": "plain", "kind": "paper"}], {"odd": None, "plain": None})
-    return tmp_path
 
 
 def test_an_experiment_has_arms_comparisons_and_its_commit(published):
@@ -213,49 +194,3 @@ def test_arms_of_several_commits_are_refused_unless_the_contents_say_so(publishe
     page = results_page(published, THEIRS, "")
     assert "The arms come from several commits:" in page
     assert "- ddddddd: `table`: `buffer` (seed 3)" in page and "`tstar` (seed 3, 4)" in page
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"kind": "arms"}, "kind of odd must be one of experiment, paper, ablations, got arms"),
-        ({"commits": "any"}, "commits of odd must be one of one, several, got any"),
-        ({"pair": []}, "an experiment has no pair; it has folder, kind, commits, pairs"),
-        (
-            {"questions": [{"asks": "Is it?", "pair": []}]},
-            "of 'Is it\\?' these are missing or unknown: pair, pairs, seeds",
-        ),
-        (
-            {"questions": [{"asks": "Is it?", "pairs": [["a", "b"]], "seeds": 2}]},
-            r"questions of odd have \[\('a', 'b'\)\], not in its pairs",
-        ),
-    ],
-)
-def test_mistakes_in_the_contents_are_named(published, change, message):
-    contents(
-        published,
-        [{"folder": "odd", "kind": "experiment", **change}, {"folder": "plain", "kind": "paper"}],
-        {},
-    )
-    with pytest.raises(ValueError, match=message):
-        read_contents(published)
-
-
-@pytest.mark.parametrize(
-    ("readme", "message"),
-    [(["odd"], "readme must map folders to arms"), ({"even": None}, "readme names even; there are")],
-)
-def test_the_contents_say_what_the_readme_shows(published, readme, message):
-    entries = yaml.safe_load((published / "contents.yaml").read_text())["experiments"]
-    contents(published, entries, readme)
-    with pytest.raises(ValueError, match=message):
-        read_contents(published)
-
-
-def test_no_published_experiment_is_forgotten(published):
-    contents(published, [{"folder": "odd", "kind": "experiment"}], {})
-    with pytest.raises(ValueError, match="leaves out plain"):
-        read_contents(published)
-    (published / "odd" / "README.md").unlink()
-    with pytest.raises(FileNotFoundError, match="README.md gives an experiment's title"):
-        read_contents(published)

@@ -1,0 +1,25 @@
+"""Published tables that tests of the page share."""
+
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from published_runs import contents, write
+
+
+@pytest.fixture
+def published(tmp_path) -> Path:
+    """An experiment of two arms and two seeds, and tables beside the paper's."""
+    for seed, progress in ((3, 0.75), (4, 0.5)):
+        write(tmp_path, "odd", "tstar", seed, progress)
+        write(tmp_path, "odd", "buffer_no_gate", seed, progress - 0.25)
+    write(tmp_path, "plain", "tstar", 0, 1.0)
+    own = {"system": "tstar", "checkpoint": "last", "own_starts": 1.0}
+    steps = [{**own, "seed": seed, "subtask": 0} for seed in (3, 4)]
+    steps += [{**own, "seed": seed, "subtask": 1, "handed_over": 0.5} for seed in (3, 4)]
+    pd.DataFrame(steps).to_csv(tmp_path / "odd" / "table" / "hand_over.csv", index=False)
+    (tmp_path / "odd" / "README.md").write_text("# Odd chains\n\nOf skills that are odd.\n")
+    (tmp_path / "plain" / "README.md").write_text("# Plain: chains\n\nAs in the paper.\n")
+    odd = {"folder": "odd", "kind": "experiment", "pairs": [["tstar", "buffer_no_gate"]]}
+    contents(tmp_path, [odd, {"folder": "plain", "kind": "paper"}], {"odd": None, "plain": None})
+    return tmp_path
