@@ -10,6 +10,7 @@ from omegaconf import DictConfig
 from tqdm import tqdm
 
 from tstar_rl.config.build import demonstrations_path, environment
+from tstar_rl.config.demonstrations import check_made
 from tstar_rl.config.load import recipe
 from tstar_rl.demonstrations.collect import collect
 from tstar_rl.demonstrations.file_check import KINDS
@@ -18,7 +19,7 @@ from tstar_rl.seeds import derive_seed
 
 @recipe("make_demonstrations", kinds=tuple[str, ...], whole=bool)
 def main(config: DictConfig) -> None:
-    """Writes the files that are not there yet."""
+    """Writes the files that are not there yet; one that is there must be what would be written."""
     one = [None] if config.whole else range(config.task.subtasks)
     subtasks = one if config.subtask is None else [config.subtask]
     number = config.demonstrations.num_envs
@@ -26,6 +27,7 @@ def main(config: DictConfig) -> None:
         for kind in config.kinds:
             path = demonstrations_path(config, subtask, kind)
             if path.is_file() and config.resume:
+                check_made(config, subtask, kind)
                 continue
             part = config.task.subtasks if subtask is None else subtask
             own = config.seed if config.demonstrations.seed is None else config.demonstrations.seed

@@ -1,10 +1,12 @@
 """Short recordings for tests, and HDF5 files with something changed."""
 
-from collections.abc import Callable
+import json
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import h5py
+import numpy as np
 import torch
 
 from tstar_rl import Demonstrations, FurnitureEnv
@@ -39,6 +41,39 @@ def as_demonstrations(recording: Recording, kind: str = "noisy") -> Demonstratio
         success=torch.ones(len(episodes), dtype=torch.bool),
         snapshots=torch.cat([one.states[:-1] for one in episodes]),
     )
+
+
+def made_up() -> Demonstrations:
+    """Two made-up demonstrations of 3 and 4 steps, in which everything has its shape."""
+    rows = 7
+    snapshots = FurnitureEnv("table_lack", rows, nthread=1).snapshot()
+    snapshots["physics"] = torch.randn_like(snapshots["physics"])
+    snapshots["task", "phase"] = torch.arange(rows)
+    return Demonstrations(
+        task="table_lack",
+        subtask=2,
+        kind="noisy",
+        arguments={"task": "table_lack", "velocity_scale": 0.4},
+        seeds=torch.tensor([5, 5]),
+        lengths=torch.tensor([3, 4]),
+        observations=torch.randn(rows, 72),
+        actions=torch.rand(rows, 9) - 0.5,
+        executed=torch.rand(rows, 9) - 0.5,
+        success=torch.ones(2, dtype=torch.bool),
+        snapshots=snapshots,
+    )
+
+
+def leave_demonstrations(file: Path, config: Mapping[str, Any]) -> None:
+    """As much of a file that a config asks for as is compared: what it is of, the number of episodes, the noise."""
+    part, _, kind = file.stem.partition("_")
+    subtask = None if part == "whole" else int(part.removeprefix("subtask"))
+    header = {"format_version": 1, "task": config["task"]["name"], "subtask": subtask, "kind": kind}
+    header["arguments"] = config["env"]
+    asked = config["demonstrations"]
+    lengths, noise = np.ones(asked["episodes"], int), np.array(float(asked["noise"]))
+    file.parent.mkdir(parents=True, exist_ok=True)
+    np.savez(file, header=np.array(json.dumps(header)), lengths=lengths, noise=noise)
 
 
 def changed(path: Path, change: Callable[[h5py.File], Any]) -> Path:

@@ -70,7 +70,7 @@ def made(tmp_path_factory) -> DictConfig:
 
 def test_a_skill_is_trained(made, tmp_path):
     expert = load_demonstrations(made, 0)
-    assert expert.observations.shape[1] == SIZE == observation_size(4)
+    assert expert.observations.shape[1] == SIZE == observation_size(4) and expert.noise == 0.05
     skill = new_skill(made, 0)
     skill.normalizer.fit(expert.observations)
     behaviour_cloning(

@@ -146,6 +146,10 @@ def test_what_is_wrong_is_named(path, name, value, message):
         (env_args(subtask=1, task="chair_ingolv"), "did you mean 'chair_ingolf'"),
         (env_args(subtask=6), r"subtask of chair_ingolf must be in 0\.\.\d, got 6"),
         (env_args(subtask="1"), "has subtask '1', should be null"),
+        (
+            env_args(subtask=1, velocity_scal=0.5),
+            r"has env_kwargs 'velocity_scal' \(did you mean 'velocity_scale'\?\)",
+        ),
         (env_args(subtask=0), "is of chair_ingolf, subtask 0; wanted chair_ingolf, subtask 1"),
         (env_args(), "is of chair_ingolf, the whole task; wanted chair_ingolf, subtask 1"),
         (
@@ -162,6 +166,35 @@ def test_an_environment_that_is_not_there_is_named(path, said, message):
 
     with pytest.raises(DemonstrationError, match=rf"mine\.hdf5: .*{message}"):
         read_demonstrations(changed(path, change), "chair_ingolf", 1)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("success", "False", "has attribute success 'False', should be true or false"),
+        ("success", 2, "has attribute success 2, should be true or false"),
+        ("success", 0.5, r"has attribute success 0\.5, should be true or false"),
+        ("success", np.array([True]), r"has attribute success array\(\[ True\]\), should be"),
+        ("success", 0, "did not succeed"),
+        ("num_samples", 2.5, r"has attribute num_samples 2\.5, should be a whole number"),
+        ("num_samples", "2", "has attribute num_samples '2', should be a whole number"),
+        ("seed", float("nan"), "has attribute seed nan, should be a whole number"),
+    ],
+)
+def test_attributes_of_a_demonstration_are_read_strictly(path, name, value, message):
+    changed(path, lambda file: file["data/demo_2"].attrs.update({name: value}))
+    with pytest.raises(DemonstrationError, match=rf"mine\.hdf5: demo_2 .*{message}"):
+        read_demonstrations(path)
+
+
+def test_what_gymnasium_adds_to_the_settings_is_no_setting(path):
+    said = env_args(subtask=1, velocity_scale=0.5, reward_scale=0.05, render_mode=None, num_envs=4)
+    changed(path, lambda file: file["data"].attrs.update({"env_args": said}))
+    assert read_demonstrations(path).arguments == {
+        "task": "chair_ingolf",
+        "subtask": 1,
+        "velocity_scale": 0.5,
+    }
 
 
 def test_a_file_that_cannot_be_played_again_says_so(path, recorded, tmp_path):
@@ -232,3 +265,12 @@ def test_a_file_of_another_world_is_refused_unless_it_may_differ(path, config):
         load_demonstrations(config, 1)
     config.demonstrations.may_differ = ["velocity_scale"]
     assert len(load_demonstrations(config, 1)) == 2
+
+
+def test_a_setting_that_the_config_does_not_name_is_compared_too(path, config):
+    changed(path, lambda file: file["data"].attrs.update(
+        {"env_args": env_args(subtask=1, velocity_scale=0.5, part_noise=0.2)}
+    ))  # fmt: skip
+    config.demonstrations.file = str(path)
+    with pytest.raises(DemonstrationError, match=r"part_noise was 0\.2 when it was saved, and is 0\.02 now"):
+        load_demonstrations(config, 1)

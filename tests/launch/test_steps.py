@@ -10,8 +10,10 @@ import pytest
 import yaml
 from hydra import initialize_config_dir
 from recipe_runs import load_recipe
+from recorded import leave_demonstrations
 
 from tstar_rl.config.values import CONFIGS, plain
+from tstar_rl.demonstrations.header import DemonstrationError
 from tstar_rl.launch import experiment, steps
 from tstar_rl.launch.steps import is_done, missing, step_config, step_files
 from tstar_rl.runs.checkpoint import CheckpointMismatchError
@@ -61,6 +63,8 @@ def finish(
                 for mode in modes or config.modes
             ]
             pd.DataFrame(rows).to_csv(file, index=False)
+        elif step[0] == "make_demonstrations":
+            leave_demonstrations(file, plain(config))
         else:
             file.write_text("{}")
         os.utime(file, (at, at))
@@ -126,6 +130,28 @@ def test_demonstrations_are_done_if_every_file_is_there(shared):
     assert is_done(one, shared)
     for other in (("kinds=[plain]", "subtask=0"), ("kinds=[noisy]",), ("whole=true", "kinds=[noisy]")):
         assert not is_done(("make_demonstrations", *other), shared)
+
+
+@pytest.mark.parametrize(
+    ("other", "message"),
+    [
+        (
+            "demonstrations.episodes=7",
+            "subtask0_noisy.npz: it has 100 episodes, and demonstrations.episodes is 7",
+        ),
+        (
+            "demonstrations.noise=0.3",
+            "a noise of 0.15, and demonstrations.noise is 0.3; delete it, or set resume=fal",
+        ),
+        ("+env.snap=true", "snap was False when it was saved, and is True now"),
+    ],
+)
+def test_demonstrations_that_were_made_otherwise_are_not_passed_over(shared, other, message):
+    one = ("make_demonstrations", "subtask=0", "kinds=[noisy]")
+    finish(one, shared, at=1)
+    with pytest.raises(DemonstrationError, match=message):
+        is_done((*one, other), shared)
+    assert not is_done((*one, other, "resume=false"), shared)
 
 
 def test_a_training_that_was_finished_with_another_config_is_no_step_that_is_done(shared):

@@ -1,17 +1,23 @@
 """Which demonstrations a config's recipe learns from: the library's own, or a user's file."""
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from omegaconf import DictConfig
 
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.values import plain
 from tstar_rl.demonstrations.data_set import Demonstrations
-from tstar_rl.demonstrations.file_check import KINDS, DemonstrationError
+from tstar_rl.demonstrations.file_check import read_made
 from tstar_rl.demonstrations.formats import read_demonstrations
+from tstar_rl.demonstrations.header import KINDS, DemonstrationError, unknown_setting
 from tstar_rl.runs.checkpoint import differences
 
-__all__ = ["demonstrations_path", "load_demonstrations", "part_name"]
+__all__ = ["check_made", "demonstrations_path", "load_demonstrations", "part_name"]
+
+ANY_VALUE = ("max_steps",)
+"""Settings that are not compared: an episode that succeeded would have succeeded with any later end."""
 
 
 def part_name(subtask: int | None) -> str:
@@ -35,14 +41,14 @@ def demonstrations_path(config: DictConfig, subtask: int | None, kind: str) -> P
 def load_demonstrations(config: DictConfig, subtask: int | None) -> Demonstrations:
     """Those that the config's recipe learns from: of demonstrations.file, or made by recipes/make_demonstrations.py.
 
-    A setting of the environment that their file does not name had its default.
+    They must have been made in the config's world: every setting of the environment is compared, but those of
+    demonstrations.may_differ and the time limit. One that the file or the config does not name has its default.
 
     Raises:
         MissingFileError: there is no file.
         DemonstrationError: something in the file is wrong, or it is of another task, subtask or settings.
+        InvalidValueError: demonstrations.may_differ names what is no setting.
     """
-    from tstar_rl.env.task_tables import DEFAULT_SETTINGS
-
     given = config.demonstrations.get("file")
     if given is None:
         path = demonstrations_path(config, subtask, config.demonstrations.kind)
@@ -52,9 +58,42 @@ def load_demonstrations(config: DictConfig, subtask: int | None) -> Demonstratio
         keys = config.demonstrations.observation_key, config.demonstrations.filter_key
         found = read_demonstrations(path, config.task.name, subtask, *keys)
         hint = "give the same (env.<setting>=...), or name what may differ in demonstrations.may_differ=[...]"
-    wanted = {k: v for k, v in plain(config.env).items() if k not in config.demonstrations.may_differ}
-    saved = DEFAULT_SETTINGS | found.arguments
-    wrong = differences({name: saved.get(name) for name in wanted}, wanted)
-    if wrong:
+    if wrong := _other_settings(config, found.arguments):
         raise DemonstrationError(f"{path}: field arguments: {'; '.join(wrong)}; {hint}")
     return found.to(config.device)
+
+
+def check_made(config: DictConfig, subtask: int | None, kind: str) -> None:
+    """Checks that the file of that subtask and kind is what recipes/make_demonstrations.py would make with the config.
+
+    Raises:
+        MissingFileError: there is no file.
+        DemonstrationError: it cannot be read, or it is of another task or subtask, other settings, another number of
+            episodes, or another noise. The noise is compared where a file says it.
+        InvalidValueError: demonstrations.may_differ names what is no setting.
+    """
+    path, asked = demonstrations_path(config, subtask, kind), config.demonstrations
+    made = read_made(path)
+    found = {"task": made.header["task"], "subtask": made.header["subtask"], "kind": made.header["kind"]}
+    wrong = differences(found, {"task": config.task.name, "subtask": subtask, "kind": kind})
+    wrong += _other_settings(config, made.header["arguments"])
+    if made.episodes != asked.episodes:
+        wrong.append(f"it has {made.episodes} episodes, and demonstrations.episodes is {asked.episodes}")
+    if kind == "noisy" and made.noise not in (None, asked.noise):
+        wrong.append(f"it was made with a noise of {made.noise}, and demonstrations.noise is {asked.noise}")
+    if wrong:
+        raise DemonstrationError(
+            f"{path}: {'; '.join(wrong)}; delete it, or set resume=false, to make it again"
+        )
+
+
+def _other_settings(config: DictConfig, arguments: Mapping[str, Any]) -> list[str]:
+    """Readable differences between the settings of demonstrations and the config's."""
+    from tstar_rl.env.task_tables import DEFAULT_SETTINGS
+
+    may_differ = (*config.demonstrations.may_differ, *ANY_VALUE)
+    if told := unknown_setting(may_differ):
+        raise InvalidValueError(f"demonstrations.may_differ has {told}")
+    saved, wanted = DEFAULT_SETTINGS | dict(arguments), DEFAULT_SETTINGS | plain(config.env)
+    compared = [name for name in DEFAULT_SETTINGS if name not in may_differ]
+    return differences({k: saved[k] for k in compared}, {k: wanted[k] for k in compared})

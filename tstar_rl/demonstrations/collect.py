@@ -39,6 +39,7 @@ def collect(
     """
     if kind not in KINDS:
         raise ValueError(f"kind must be one of {', '.join(KINDS)}; got {kind!r}")
+    noise = noise if kind == "noisy" else 0.0
     pieces: list[TensorDictBase] = []
     seeds: list[int] = []
     env = make_env(seed)
@@ -46,7 +47,7 @@ def collect(
         for round_ in range(max_rounds):
             env.set_seed(seed + round_)
             torch_generator = torch.Generator().manual_seed(seed + round_)
-            found = _successes(env, noise if kind == "noisy" else 0.0, torch_generator, each_step)
+            found = _successes(env, noise, torch_generator, each_step)
             pieces += found
             seeds += [seed + round_] * len(found)
             if len(pieces) >= episodes:
@@ -70,6 +71,7 @@ def collect(
         executed=rows["action"],
         success=torch.ones(len(pieces), dtype=torch.bool),
         snapshots=rows["snapshot"],
+        noise=noise,
     )
 
 

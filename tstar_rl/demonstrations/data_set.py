@@ -13,7 +13,8 @@ import torch
 from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 
-from tstar_rl.demonstrations.file_check import ARRAYS, FORMAT_VERSION, HEADER, KINDS, DemonstrationError, read
+from tstar_rl.demonstrations.file_check import ARRAYS, NOISE, DemonstrationError, read
+from tstar_rl.demonstrations.header import FORMAT_VERSION, HEADER, KINDS
 from tstar_rl.runs.files import replacing, turn_to_write
 
 __all__ = ["Demonstrations"]
@@ -35,6 +36,7 @@ class Demonstrations:
         executed: (S, 9) float32 in [-1, 1], what the environment was given.
         success: (E,) bool, all True.
         snapshots: batch [S], the states before the actions; empty where an imported file has none.
+        noise: deviation of the arm's executed actions; None where a file does not say.
     """
 
     task: str
@@ -48,6 +50,7 @@ class Demonstrations:
     executed: Tensor
     success: Tensor
     snapshots: TensorDictBase
+    noise: float | None = None
 
     def __len__(self) -> int:
         return len(self.lengths)
@@ -89,6 +92,8 @@ class Demonstrations:
         arrays = {name: getattr(self, name).numpy() for name in ARRAYS}
         for key, value in self.snapshots.items(True, True):
             arrays["snapshot/" + (key if isinstance(key, str) else "/".join(key))] = value.numpy()
+        if self.noise is not None:
+            arrays[NOISE] = np.array(self.noise, np.float64)
         path = Path(path)
         with turn_to_write(path.parent), replacing(path) as partial, partial.open("wb") as file:
             np.savez_compressed(file, header=np.array(json.dumps(header)), **arrays)
@@ -114,4 +119,5 @@ class Demonstrations:
             **header,
             **{name: torch.from_numpy(arrays[name]) for name in ARRAYS},
             snapshots=snapshots,
+            noise=float(arrays[NOISE]) if NOISE in arrays else None,
         )

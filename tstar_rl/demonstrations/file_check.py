@@ -1,20 +1,26 @@
 """Reads a file of demonstrations and checks every field of it; an error names file, field and what is valid."""
 
-import json
+import functools
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from tstar_rl.checks import MissingFileError, UserError
-from tstar_rl.env.layout import observation_size
+from tstar_rl.checks import MissingFileError
+from tstar_rl.demonstrations.header import FORMAT_VERSION, HEADER, KINDS, DemonstrationError, read_header
 
-__all__ = ["ARRAYS", "FORMAT_VERSION", "HEADER", "KINDS", "DemonstrationError", "read"]
+__all__ = [
+    "ARRAYS",
+    "FORMAT_VERSION",
+    "HEADER",
+    "KINDS",
+    "NOISE",
+    "DemonstrationError",
+    "Made",
+    "read",
+    "read_made",
+]
 
-FORMAT_VERSION = 1
-KINDS = ("plain", "noisy")
-HEADER = ("task", "subtask", "kind", "arguments")
-"""What the header has beside its version."""
 ARRAYS: dict[str, tuple[str, int | None, np.dtype]] = {
     "seeds": ("episodes", None, np.dtype(np.int64)),
     "lengths": ("episodes", None, np.dtype(np.int64)),
@@ -23,17 +29,20 @@ ARRAYS: dict[str, tuple[str, int | None, np.dtype]] = {
     "actions": ("rows", 9, np.dtype(np.float32)),
     "executed": ("rows", 9, np.dtype(np.float32)),
 }
-"""Length, width (0: that of an observation, by the number of parts) and type of each."""
-SNAPSHOTS = ("snapshot/physics", "snapshot/welds")
-"""What every snapshot has; the state of the task is the environment's to check."""
-
-
+"""Length, width (0: that of an observation) and type of each."""
+NOISE = "noise"
+"""An array () of those files that say with which noise they were made. It is no part of the header, which has to be
+what any commit of the library can read: arms of one experiment are run with the code of several."""
 END_OF_LIST = 22
 """Bytes at the end of a zip file without a comment; bytes 10 and 11 count its members."""
 
 
-class DemonstrationError(UserError, ValueError):
-    """A file of demonstrations is not what it should be; the message names file and field."""
+class Made(NamedTuple):
+    """What a file says of how it was made: its header, the number of episodes, and the noise if it says so."""
+
+    header: dict[str, Any]
+    episodes: int
+    noise: float | None
 
 
 def read(path: str | Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
@@ -44,21 +53,32 @@ def read(path: str | Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
         DemonstrationError: names the field that is wrong.
     """
     arrays = _arrays(path)
-    header = _header(path, arrays)
-    sizes = _check_lengths(path, arrays)
+    header = read_header(path, arrays)
+    sizes, width = _check_lengths(path, arrays), _width(path, header["task"])
+    _noise(path, arrays)
     for name in ARRAYS:
-        _check_array(path, name, arrays[name], sizes)
+        _check_array(path, name, arrays[name], sizes, width)
     if not arrays["success"].all():
         failed = int(np.flatnonzero(~arrays["success"])[0])
         raise DemonstrationError(f"{path}: field success is False in episode {failed}; all must be successes")
     for name in ("actions", "executed"):
         if (largest := float(np.abs(arrays[name]).max())) > 1:
             raise DemonstrationError(f"{path}: field {name} has {largest:g}; actions are in [-1, 1]")
-    _check_snapshots(path, arrays, sizes["rows"])
+    _check_snapshots(path, arrays, sizes["rows"], header["task"])
     return header, arrays
 
 
-def _arrays(path: str | Path) -> dict[str, np.ndarray]:
+def read_made(path: str | Path) -> Made:
+    """How a file was made, without what is learned from; raises what `read` does."""
+    arrays = _arrays(path, ("header", "lengths", NOISE))
+    header = read_header(path, arrays)
+    if "lengths" not in arrays:
+        raise DemonstrationError(f"{path}: field lengths is missing")
+    return Made(header, arrays["lengths"].size, _noise(path, arrays))
+
+
+def _arrays(path: str | Path, only: tuple[str, ...] | None = None) -> dict[str, np.ndarray]:
+    """The arrays of a file, or those of them that `only` names."""
     if not Path(path).is_file():
         raise MissingFileError(f"no demonstrations at {path}: recipes/make_demonstrations.py writes them")
     field = ""
@@ -66,9 +86,11 @@ def _arrays(path: str | Path) -> dict[str, np.ndarray]:
         with np.load(path, allow_pickle=False) as file:
             arrays = {}
             for field in file.files:
-                arrays[field] = file[field]
-        if (promised := _members(Path(path))) not in (None, len(arrays)):
-            raise ValueError(f"its end says that it has {promised} arrays, its list has {len(arrays)}")
+                if only is None or field in only:
+                    arrays[field] = file[field]
+            listed = len(file.files)
+        if (promised := _members(Path(path))) not in (None, listed):
+            raise ValueError(f"its end says that it has {promised} arrays, its list has {listed}")
     except Exception as error:
         what = f": field {field}" if field else ""
         raise DemonstrationError(f"{path}{what} cannot be read (truncated or not .npz?): {error}") from error
@@ -86,52 +108,6 @@ def _members(path: Path) -> int | None:
     return int.from_bytes(end[10:12], "little") if end.startswith(b"PK\5\6") else None
 
 
-def _header(path: str | Path, arrays: dict[str, np.ndarray]) -> dict[str, Any]:
-    try:
-        header = json.loads(str(arrays["header"]))
-    except (KeyError, json.JSONDecodeError) as error:
-        raise DemonstrationError(f"{path}: field header is missing or not JSON") from error
-    if not isinstance(header, dict):
-        raise DemonstrationError(
-            f"{path}: field header is {header!r}, should be a mapping of {_listed(HEADER)}"
-        )
-    for name in ("format_version", *HEADER):
-        if name not in header:
-            raise DemonstrationError(f"{path}: field {name} is missing from the header")
-    if header["format_version"] != FORMAT_VERSION:
-        raise DemonstrationError(
-            f"{path}: field format_version is {header['format_version']}; this code reads {FORMAT_VERSION}"
-        )
-    del header["format_version"]
-    if unknown := sorted({*header} - {*HEADER}):
-        raise DemonstrationError(
-            f"{path}: field header has {_listed(unknown)}; valid: format_version, {_listed(HEADER)}"
-        )
-    _check_header(path, **header)
-    return header
-
-
-def _check_header(path: str | Path, task: Any, subtask: Any, kind: Any, arguments: Any) -> None:
-    if not isinstance(task, str) or not task:
-        raise DemonstrationError(
-            f"{path}: field task is {task!r}, should be the name of a piece of furniture"
-        )
-    counted = isinstance(subtask, int) and not isinstance(subtask, bool) and subtask >= 0
-    if subtask is not None and not counted:
-        raise DemonstrationError(f"{path}: field subtask is {subtask!r}, should be null (all) or 0, 1, ...")
-    if kind not in KINDS:
-        raise DemonstrationError(f"{path}: field kind is {kind!r}; valid: {_listed(KINDS)}")
-    if not isinstance(arguments, dict):
-        raise DemonstrationError(
-            f"{path}: field arguments is {arguments!r}, should be a mapping of the environment's settings"
-        )
-    for name, value in (("task", task), ("subtask", subtask)):
-        if (found := arguments.get(name, value)) != value:
-            raise DemonstrationError(
-                f"{path}: field arguments.{name} is {found!r}, but field {name} is {value!r}"
-            )
-
-
 def _check_lengths(path: str | Path, arrays: dict[str, np.ndarray]) -> dict[str, int]:
     """The number of episodes and of rows."""
     for name, (_, _, dtype) in ARRAYS.items():
@@ -145,40 +121,69 @@ def _check_lengths(path: str | Path, arrays: dict[str, np.ndarray]) -> dict[str,
     return {"episodes": len(lengths), "rows": int(lengths.sum())}
 
 
-def _check_array(path: str | Path, name: str, array: np.ndarray, sizes: dict[str, int]) -> None:
+def _width(path: str | Path, task: str) -> int:
+    """Numbers in an observation of the task."""
+    from tstar_rl.env.task_tables import observation_dim
+
+    try:
+        return observation_dim(task)
+    except ValueError as error:
+        raise DemonstrationError(f"{path}: field task: {error}") from error
+
+
+def _noise(path: str | Path, arrays: dict[str, np.ndarray]) -> float | None:
+    if NOISE not in arrays:
+        return None
+    found = arrays[NOISE]
+    if found.shape or found.dtype != np.float64 or not np.isfinite(found) or found < 0:
+        raise DemonstrationError(f"{path}: field {NOISE} is {found!r}, should be one float64 from 0")
+    return float(found)
+
+
+def _check_array(path: str | Path, name: str, array: np.ndarray, sizes: dict[str, int], wide: int) -> None:
     size, width, _ = ARRAYS[name]
-    if width == 0:
-        parts, rest = divmod(array.shape[-1] - observation_size(0), 7) if array.ndim == 2 else (0, 0)
-        right = array.shape[:1] == (sizes[size],) and parts > 0 and rest == 0
-        wanted = f"({sizes[size]}, {observation_size(0)} + 7 for each part)"
-    else:
-        shape = (sizes[size],) if width is None else (sizes[size], width)
-        right, wanted = array.shape == shape, str(shape)
-    if not right:
-        raise DemonstrationError(f"{path}: field {name} has shape {array.shape}, should be {wanted}")
+    shape = (sizes[size],) if width is None else (sizes[size], width or wide)
+    if array.shape != shape:
+        parts = f": {wide} numbers in an observation of the task" if width == 0 else ""
+        raise DemonstrationError(f"{path}: field {name} has shape {array.shape}, should be {shape}{parts}")
     _check_finite(path, name, array)
 
 
-def _check_snapshots(path: str | Path, arrays: dict[str, np.ndarray], rows: int) -> None:
-    for name in SNAPSHOTS:
+def _check_snapshots(path: str | Path, arrays: dict[str, np.ndarray], rows: int, task: str) -> None:
+    shapes = _snapshot_shapes(task)
+    for name in shapes:
         if name not in arrays:
             raise DemonstrationError(f"{path}: field {name} is missing")
     for name, array in arrays.items():
         if not name.startswith("snapshot/"):
             continue
+        if name not in shapes:
+            raise DemonstrationError(f"{path}: field {name} is unknown; valid: {', '.join(shapes)}")
         if array.dtype.kind not in "bif":
             raise DemonstrationError(
                 f"{path}: field {name} has type {array.dtype}, should be numbers or flags"
             )
-        if array.shape[:1] != (rows,):
-            raise DemonstrationError(f"{path}: field {name} has {array.shape[:1]} rows, should have {rows}")
+        if array.shape != (rows, *shapes[name]):
+            raise DemonstrationError(
+                f"{path}: field {name} has shape {array.shape}, should be {(rows, *shapes[name])}"
+            )
         _check_finite(path, name, array)
+
+
+@functools.cache
+def _snapshot_shapes(task: str) -> dict[str, tuple[int, ...]]:
+    """What a snapshot of the task has, by the name of the array, and the shape of one row."""
+    from tstar_rl.env.furniture_env import FurnitureEnv
+
+    env = FurnitureEnv(task, nthread=1)
+    try:
+        entries = env.snapshot().items(True, True)
+        names = {key if isinstance(key, str) else "/".join(key): value for key, value in entries}
+        return {f"snapshot/{name}": tuple(value.shape[1:]) for name, value in names.items()}
+    finally:
+        env.close()
 
 
 def _check_finite(path: str | Path, name: str, array: np.ndarray) -> None:
     if array.dtype.kind == "f" and not np.isfinite(array).all():
         raise DemonstrationError(f"{path}: field {name} has values that are not finite")
-
-
-def _listed(names: Any) -> str:
-    return ", ".join(names)

@@ -5,6 +5,7 @@ A step is a recipe and its values. Its own config says where its results lie, so
 
 import re
 from collections.abc import Container, Sequence
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from omegaconf import DictConfig
 
 from tstar_rl.config.build import demonstrations_path
 from tstar_rl.config.chain import chain_length
+from tstar_rl.config.demonstrations import check_made
 from tstar_rl.config.values import plain
 from tstar_rl.launch.side_by_side import Step
 from tstar_rl.runs.checkpoint import CheckpointMismatchError, differences
@@ -53,9 +55,10 @@ def step_config(step: Step, shared: Sequence[str] = ()) -> DictConfig:
 def is_done(step: Step, shared: Sequence[str] = (), ignored: Sequence[str] = ()) -> bool:
     """Whether a step need not be run: its files are there, and not older than what they are made from.
 
-    Demonstrations are done if their files are there. A training is done if it has finished. An evaluation is done if
-    every run that it evaluates has finished before it, and its table has each checkpoint that these have left, in all
-    modes, with the number of episodes that is asked for. With resume=false nothing is done.
+    Demonstrations are done if their files are there, and hold what the step would make. A training is done if it has
+    finished. An evaluation is done if every run that it evaluates has finished before it, and its table has each
+    checkpoint that these have left, in all modes, with the number of episodes that is asked for. With resume=false
+    nothing is done.
 
     Args:
         step: recipe and values.
@@ -64,11 +67,14 @@ def is_done(step: Step, shared: Sequence[str] = (), ignored: Sequence[str] = ())
 
     Raises:
         CheckpointMismatchError: if a training has finished with another config.
+        DemonstrationError: if demonstrations are of other settings, another number of episodes or another noise.
     """
     config = step_config(step, shared)
     if not config.resume or not all(file.is_file() for file in step_files(step, config)):
         return False
     if step[0] == "make_demonstrations":
+        for part, kind in product(_parts(config), config.kinds):
+            check_made(config, part, kind)
         return True
     if step[0] == "evaluate":
         return _is_evaluated(config)
@@ -89,12 +95,16 @@ def step_files(step: Step, config: DictConfig) -> list[Path]:
         config: the step's own.
     """
     if step[0] == "make_demonstrations":
-        parts = [None] if config.whole else range(config.task.subtasks)
-        subtasks = parts if config.subtask is None else [config.subtask]
-        return [demonstrations_path(config, part, kind) for part in subtasks for kind in config.kinds]
+        return [demonstrations_path(config, *each) for each in product(_parts(config), config.kinds)]
     if step[0] == "evaluate":
         return [run_folder(config, "results_dir") / "evaluation.csv"]
     return [run_folder(config, "runs_dir") / "finished.json"]
+
+
+def _parts(config: DictConfig) -> Sequence[int | None]:
+    """The subtasks that make_demonstrations makes demonstrations of; None is the whole task."""
+    every = [None] if config.whole else range(config.task.subtasks)
+    return every if config.subtask is None else [config.subtask]
 
 
 def run_folder(config: DictConfig, root: str) -> Path:

@@ -12,14 +12,16 @@ from typing import Any
 import numpy as np
 
 from tstar_rl.checks import MissingFileError
-from tstar_rl.demonstrations.file_check import DemonstrationError
 from tstar_rl.demonstrations.formats.hdf5 import OBSERVATION_KEY, h5py
+from tstar_rl.demonstrations.header import DemonstrationError, unknown_setting
 
 __all__ = ["Contents", "read_contents"]
 
 PER_STEP = ("rewards", "terminations", "truncations", "successes")
 STATES = ("states", "final_state")
 ACTIONS = ("actions", "expert_actions")
+OF_THE_FRONT = ("reward_scale", "render_mode", "width", "height", "num_envs", "nthread", "autoreset_mode")
+"""What Gymnasium's environments take beside the settings: it says nothing of the world, and is left out."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +97,7 @@ class _Reader:
         task, subtask, settings = self._environment(attributes)
         names, width = self._names(file), observation_dim(task)
         demos = {name: self._demo(file["data"][name], name, width) for name in names}
-        seeds = [int(file["data"][name].attrs.get("seed", 0)) for name in names]
+        seeds = [self._whole(file["data"][name], "seed", 0) for name in names]
         return Contents(task, subtask, settings, attributes, demos, seeds)
 
     def _environment(self, attributes: dict[str, Any]) -> tuple[str, int | None, dict[str, Any]]:
@@ -112,6 +114,9 @@ class _Reader:
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise self._wrong(f"is missing or not what it should be, which is {wanted}") from error
         subtask = settings.pop("subtask", None)
+        settings = {key: value for key, value in settings.items() if key not in OF_THE_FRONT}
+        if told := unknown_setting(settings):
+            raise self._wrong(f"has env_kwargs {told}")
         if subtask is not None and (not isinstance(subtask, int) or isinstance(subtask, bool)):
             raise self._wrong(f"has subtask {subtask!r}, should be null (the whole task) or 0, 1, ...")
         try:
@@ -153,11 +158,14 @@ class _Reader:
         shape = self._dataset(group, "actions").shape
         steps = shape[0] if shape else 0
         self.place = f": {name}"
-        if (said := int(group.attrs.get("num_samples", steps))) != steps or not steps:
+        if (said := self._whole(group, "num_samples", steps)) != steps or not steps:
             raise self._wrong(
                 f"has {steps} actions, and num_samples is {said}; both should be the same, from 1"
             )
-        if not (group.attrs.get("success", True) or self.failures):
+        won = self._whole(group, "success", 1)
+        if won not in (0, 1):
+            raise self._wrong(f"has attribute success {won}, should be true or false, or 1 or 0")
+        if not (won or self.failures):
             raise self._wrong(
                 "did not succeed; demonstrations.filter_key=successes leaves out those that failed"
             )
@@ -170,6 +178,16 @@ class _Reader:
         found = {names.get(k, k): self._array(group, k, shape) for k, shape in shapes.items() if k in group}
         self.place = ""
         return found
+
+    def _whole(self, group: Any, name: str, default: int) -> int:
+        """An attribute that is a whole number or a flag."""
+        value = np.asarray(found := group.attrs.get(name, default))
+        if value.shape or value.dtype.kind not in "biuf" or not float(value).is_integer():
+            wanted = "true or false" if name == "success" else "a whole number"
+            said = found.item() if isinstance(found, np.generic) else found
+            self.place = f": {group.name.rpartition('/')[2]}"
+            raise self._wrong(f"has attribute {name} {said!r}, should be {wanted}")
+        return int(value)
 
     def _dataset(self, group: Any, key: str) -> Any:
         self.place = f": {group.name.rpartition('/')[2]}/{key}"

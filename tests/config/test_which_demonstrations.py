@@ -1,0 +1,95 @@
+"""What is learned from was made in the world of the config; what was made otherwise is told, and never made again."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from omegaconf import DictConfig, OmegaConf
+from recorded import made_up
+
+from tstar_rl.checks import InvalidValueError
+from tstar_rl.config.demonstrations import check_made, load_demonstrations
+from tstar_rl.demonstrations.data_set import Demonstrations
+from tstar_rl.demonstrations.header import DemonstrationError
+
+
+@pytest.fixture
+def demonstrations() -> Demonstrations:
+    return made_up()
+
+
+def config(folder: Path, **env) -> DictConfig:
+    values = {"kind": "noisy", "may_differ": [], "seed": 0, "episodes": 2, "noise": 0.15}
+    config = {"task": {"name": "table_lack"}, "demonstrations_dir": str(folder), "device": "cpu"}
+    return OmegaConf.create({**config, "demonstrations": values, "env": {"velocity_scale": 0.4, **env}})
+
+
+def place(folder: Path) -> Path:
+    return folder / "table_lack" / "seed0" / "subtask2_noisy.npz"
+
+
+def test_those_of_another_world_are_refused_unless_they_may_differ(demonstrations, tmp_path):
+    asked = config(tmp_path, snap=True)
+    demonstrations.arguments["snap"] = False
+    demonstrations.save(place(tmp_path))
+    with pytest.raises(DemonstrationError, match="snap was False when it was saved, and is True now"):
+        load_demonstrations(asked, 2)
+    asked.demonstrations.may_differ = ["snap"]
+    assert len(load_demonstrations(asked, 2)) == 2
+    asked.env.skipped_phases = "paid"  # older than the setting: they were made with its default
+    assert len(load_demonstrations(asked, 2)) == 2
+    asked.env.skipped_phases = "unpaid"
+    with pytest.raises(DemonstrationError, match="skipped_phases was 'paid' when it was saved"):
+        load_demonstrations(asked, 2)
+    asked.demonstrations.may_differ = ["snap", "skipped_phases"]
+    asked.env.velocity_scale = 1.0
+    with pytest.raises(DemonstrationError, match=r"velocity_scale was 0\.4"):
+        load_demonstrations(asked, 2)
+
+
+def test_a_setting_that_the_config_leaves_at_its_default_is_compared_too(demonstrations, tmp_path):
+    demonstrations.arguments |= {"reset_robot": False, "retreat_steps": 4, "arm_noise": 0.2, "max_steps": 60}
+    demonstrations.save(place(tmp_path))
+    with pytest.raises(DemonstrationError) as said:
+        load_demonstrations(config(tmp_path), 2)
+    for name, was, now in (("reset_robot", False, True), ("retreat_steps", 4, 0), ("arm_noise", 0.2, 0.001)):
+        assert f"{name} was {was} when it was saved, and is {now} now" in str(said.value)
+    assert "max_steps" not in str(said.value)  # a success is one with any later time limit
+    asked = config(tmp_path, reset_robot=False, retreat_steps=4)
+    asked.demonstrations.may_differ = ["arm_noise"]
+    assert len(load_demonstrations(asked, 2)) == 2
+
+
+def test_what_may_differ_is_a_setting(demonstrations, tmp_path):
+    demonstrations.save(place(tmp_path))
+    asked = config(tmp_path)
+    asked.demonstrations.may_differ = ["snapp"]
+    with pytest.raises(
+        InvalidValueError, match=r"may_differ has 'snapp' \(did you mean 'snap'\?\); valid settings: "
+    ):
+        load_demonstrations(asked, 2)
+
+
+def test_a_file_is_kept_if_it_is_what_would_be_made(demonstrations, tmp_path):
+    with pytest.raises(FileNotFoundError):
+        check_made(config(tmp_path), 2, "noisy")
+    replace(demonstrations, noise=0.15).save(place(tmp_path))
+    assert Demonstrations.load(place(tmp_path)).noise == 0.15
+    asked = config(tmp_path)
+    check_made(asked, 2, "noisy")
+    asked.demonstrations.update({"episodes": 100, "noise": 0.3})
+    asked.env.snap = True
+    with pytest.raises(DemonstrationError) as said:
+        check_made(asked, 2, "noisy")
+    for text in (
+        str(place(tmp_path)), "snap was False", "it has 2 episodes, and demonstrations.episodes is 100",
+        "a noise of 0.15, and demonstrations.noise is 0.3", "delete it, or set resume=false, to make it again",
+    ):  # fmt: skip
+        assert text in str(said.value)
+    assert (
+        len(load_demonstrations(config(tmp_path), 2)) == 2
+    )  # the number is not asked of what is learned from
+    demonstrations.save(place(tmp_path))  # an older file: it does not say with which noise
+    asked = config(tmp_path)
+    asked.demonstrations.noise = 0.3
+    check_made(asked, 2, "noisy")
