@@ -9,7 +9,7 @@ import torch
 
 from tstar_envs import geometry
 from tstar_envs.inspection.reach import shortfall
-from tstar_envs.inspection.workshop import Workshop
+from tstar_envs.inspection.workshop import FAR, Workshop
 
 WIDEST, NARROWEST, FIRM = 0.079, 0.0145, 0.0175
 """m: between the pads open and closed, and what they hold firmly: docs/decisions/0007-chair.md."""
@@ -34,7 +34,11 @@ def _grasp(workshop: Workshop, k: int) -> Found:
     point, axis = _grasp_in_world(workshop, k)
     surfaces = workshop.thickness(workshop.group(k), point, axis)
     if surfaces is None:
-        yield True, where, f"nothing of {step.moving_part} is between the fingers there"
+        yield (
+            True,
+            where,
+            f"nothing of {step.moving_part} is between the fingers there, or it is wider than {2000 * FAR:.0f} mm",
+        )
         return
     width = sum(surfaces)
     if width > WIDEST or width < NARROWEST:
@@ -150,6 +154,14 @@ def _values(workshop: Workshop, k: int) -> Found:
             False,
             f"steps[{k}].clearance",
             f"{1000 * step.clearance:.0f} mm of play: the script misses less than 6 mm, a learned skill less than 10",
+        )
+    moving_connector, target_connector = furniture.connectors_of(k)
+    if moving_connector.allowed_angles != target_connector.allowed_angles:
+        yield (
+            False,
+            f"parts.{step.target_part}.connectors.{target_connector.name}.allowed_degrees",
+            f"it does not count in steps[{k}]: there those of the moving part's {moving_connector.name} do, "
+            f"which are others",
         )
     if not any(step.waypoint):
         yield False, f"steps[{k}].waypoint", "the reward asks the hand to lift the part by nothing"

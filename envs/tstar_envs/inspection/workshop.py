@@ -14,6 +14,8 @@ from tstar_envs.tasks.recipe_tables import RecipeTables
 FAR = 0.1
 """m: gaps are looked for up to this; anything further off counts as far."""
 _PART_GROUP = 5
+_ASIDE = np.array([6e-6, -6.4e-6, 4.8e-6])
+"""m: 1e-5 in a direction of no axis. Two geoms with one centre are moved apart by it before they are measured."""
 
 
 class Workshop:
@@ -66,7 +68,10 @@ class Workshop:
         return min(self._off_geom(geom, world) for geom in self._geoms[part])
 
     def thickness(self, parts: list[int], point: np.ndarray, axis: np.ndarray) -> tuple[float, float] | None:
-        """Surfaces of `parts` met from either side along `axis`, as distances from `point`; None if one is missed."""
+        """Surfaces of `parts` met from either side along `axis`, as distances from `point`; None if one is missed.
+
+        They are looked for up to `FAR` to either side: what lies beyond is not between the fingers.
+        """
         self.model.geom_group[:] = 0
         for part in parts:
             self.model.geom_group[self._geoms[part]] = _PART_GROUP
@@ -94,10 +99,17 @@ class Workshop:
         return [i for i in range(self.model.ngeom) if self.model.geom_bodyid[i] in ids]
 
     def _gap(self, these: list[int], those: list[int]) -> float:
-        ends = np.zeros(6)
-        return min(
-            mujoco.mj_geomDistance(self.model, self.data, i, j, FAR, ends) for i in these for j in those
-        )
+        return min(self._distance(i, j) for i in these for j in those)
+
+    def _distance(self, one: int, other: int) -> float:
+        """Least distance of two geoms. MuJoCo says 0 where they have the same centre, however deep they are."""
+        ends, place = np.zeros(6), self.data.geom_xpos[one]
+        found = mujoco.mj_geomDistance(self.model, self.data, one, other, FAR, ends)
+        if found == 0.0:
+            place += _ASIDE
+            found = mujoco.mj_geomDistance(self.model, self.data, one, other, FAR, ends)
+            place -= _ASIDE
+        return found
 
     def _lowest(self, geom: int) -> float:
         size, up = self.model.geom_size[geom], np.abs(self.data.geom_xmat[geom].reshape(3, 3)[2])

@@ -65,6 +65,11 @@ def _under_a_roof(data):
         (lambda d: _leg(d, boxes=[{"size": [0.05, 0.05, 0.13]}]), True, "steps[0].grasp", "100 mm wide"),
         (lambda d: _leg(d, boxes=[{"size": [0.006, 0.006, 0.13]}]), True, "steps[0].grasp", "12 mm wide"),
         (lambda d: _leg(d, boxes=[{"size": [0.008, 0.008, 0.13]}]), False, "steps[0].grasp", "hardly press"),
+        (lambda d: _leg(d, initial_pose=d["parts"]["leg_3"]["initial_pose"]), True,
+         "parts.leg_3.initial_pose", "30 mm inside leg_2"),  # with the same centre: MuJoCo itself says 0
+        (lambda d: _leg(d, boxes=[{"size": [0.15, 0.015, 0.13]}]), True, "steps[0].grasp", "wider than 200 mm"),
+        (lambda d: d["parts"]["table_top"]["connectors"]["corner_2"].update(allowed_degrees=[0, 45]), False,
+         "parts.table_top.connectors.corner_2.allowed_degrees", "it does not count in steps[0]: there those of"),
         (lambda d: _leg(d, grasps=[{"left": [-0.02, 0, 0.3], "right": [0.02, 0, 0.3]}]), True,
          "steps[0].grasp", "nothing of leg_2 is between the fingers"),
         (lambda d: _leg(d, grasps=[{"left": [0, 0, 0], "right": [0.04, 0, 0]}]), False,
