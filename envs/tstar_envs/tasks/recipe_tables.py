@@ -57,6 +57,7 @@ class RecipeTables:
         self.z_finedist = furniture.z_finedist
         self.group = _groups(self.moving, self.target, self.num_parts)
         self.initial_pose = rows(part.initial_pose for part in furniture.parts)
+        self._ideal, self._nominal = self._assembled()
 
     def step_index(self, subtask: Tensor) -> Tensor:
         """(N,): which row of the tables each simulation is at; the last one once everything is done."""
@@ -65,13 +66,31 @@ class RecipeTables:
     def ideal_relative_pose(self, step: int) -> Tensor:
         """Pose (7,) of the moving part in the target part's frame when step `step` is made exactly.
 
-        The quaternion's sign continues that of the start pose, as physics does. A part that ends half a turn from its
-        start could have come either way round; there the sign of the step's angle says which.
+        The quaternion's sign continues that of the pose in which the step finds the part, as physics does. A part that
+        ends half a turn from there could have come either way round; there the sign of the step's angle says which.
         """
+        return self._ideal[step]
+
+    def nominal_poses(self) -> Tensor:
+        """Part poses (K + 1, parts, 7), world, as each step begins and after the last: no noise, every step exact."""
+        return self._nominal
+
+    def _assembled(self) -> tuple[list[Tensor], Tensor]:
+        """What `ideal_relative_pose` gives of each step, and `nominal_poses`."""
+        ideals, poses = [], [self.initial_pose.unsqueeze(0)]
+        for k in range(self.num_steps):
+            ideals.append(self._joined(k, poses[-1][0]))
+            target, ideal = poses[-1][:, self.target[k]], ideals[-1]
+            pose = geometry.compose_pose(target[:, :3], target[:, 3:], ideal[:3], ideal[3:].unsqueeze(0))
+            poses.append(self.move_group(k, poses[-1], torch.cat(pose, dim=-1)))
+        return ideals, torch.cat(poses)
+
+    def _joined(self, step: int, poses: Tensor) -> Tensor:
+        """`ideal_relative_pose` of a step that finds the parts at `poses` (parts, 7)."""
         quat = geometry.quat_mul(self.goal_quat[step], geometry.quat_conj(self.moving_connector[step, 3:]))
         pos = self.target_connector[step, :3] - geometry.quat_rotate(quat, self.moving_connector[step, :3])
-        made = geometry.quat_mul(self.initial_pose[self.target[step], 3:], quat)
-        sign = torch.where(made @ self.initial_pose[self.moving[step], 3:] < -_HALF_A_TURN, -1.0, 1.0)
+        made = geometry.quat_mul(poses[self.target[step], 3:], quat)
+        sign = torch.where(made @ poses[self.moving[step], 3:] < -_HALF_A_TURN, -1.0, 1.0)
         return torch.cat([pos, quat * sign])
 
     def move_group(self, step: int, poses: Tensor, pose: Tensor) -> Tensor:
@@ -81,15 +100,6 @@ class RecipeTables:
             pos, quat = geometry.relative_pose(old[:, :3], old[:, 3:], poses[:, i, :3], poses[:, i, 3:])
             poses[:, i] = torch.cat(geometry.compose_pose(pose[:, :3], pose[:, 3:], pos, quat), dim=-1)
         return poses
-
-    def nominal_poses(self) -> Tensor:
-        """Part poses (K + 1, parts, 7), world, as each step begins and after the last: no noise, every step exact."""
-        poses = [self.initial_pose.unsqueeze(0)]
-        for k in range(self.num_steps):
-            target, ideal = poses[-1][:, self.target[k]], self.ideal_relative_pose(k)
-            pose = geometry.compose_pose(target[:, :3], target[:, 3:], ideal[:3], ideal[3:].unsqueeze(0))
-            poses.append(self.move_group(k, poses[-1], torch.cat(pose, dim=-1)))
-        return torch.cat(poses)
 
     def approach_direction(self, step: Tensor, target_frame: Tensor) -> Tensor:
         """(N, 3), world: from the target connector to where the moving one comes from, at steps (N,).
