@@ -51,7 +51,7 @@ def stool(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(library, "DATA", folder)
         yield
-    library.load.cache_clear()
+    library._load.cache_clear()
 
 
 def config(folder: Path, recipe: str = "gail_ppo", *values: str) -> DictConfig:

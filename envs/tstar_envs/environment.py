@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import numbers
 from collections.abc import Mapping
 from typing import Any
 
@@ -25,6 +26,7 @@ from tstar_envs.snapshot_check import SnapshotCheck
 from tstar_envs.state_edit import StateEditor
 from tstar_envs.tasks.actions import NUM_ACTIONS, read_actions, read_mask
 from tstar_envs.tasks.assembly import Assembly, assign
+from tstar_envs.tasks.begun import Begun
 from tstar_envs.tasks.phase_reward import PHASES
 
 NUM_OBSERVATIONS_ROBOT = 29
@@ -59,12 +61,13 @@ class BatchedEnvironment:
     ):  # fmt: skip
         self.furniture = name if isinstance(name, Furniture) else library.load(name)
         self.name = name = self.furniture.name
-        numbered = isinstance(subtask, int) and not isinstance(subtask, bool)
+        numbered = isinstance(subtask, numbers.Integral) and not isinstance(subtask, bool)
         if subtask is not None and not (numbered and 0 <= subtask < len(self.furniture.steps)):
             raise ValueError(
                 f"subtask of {name} must be None (the whole task) or in 0..{len(self.furniture.steps) - 1}, "
                 f"got {subtask!r}"
             )
+        subtask = None if subtask is None else int(subtask)
         num_sims = whole_number("the number of simulations", num_sims, 1)
         nthread = whole_number("nthread (0: all cores)", nthread, 0)
         self.settings = (
@@ -81,6 +84,7 @@ class BatchedEnvironment:
         self._editor = StateEditor(self.model, self.task.tables)
         self._check = SnapshotCheck(name, self.model, self.task.tables, num_sims, self.state)
         self.failures = 0
+        self._begun = Begun(name, self._all())
 
     @property
     def num_subtasks(self) -> int:
@@ -115,10 +119,16 @@ class BatchedEnvironment:
 
     @torch.inference_mode()
     def reset(self, mask: Tensor | None = None) -> None:
-        """Starts new episodes in the simulations of `mask` (N,), by default all."""
+        """Starts new episodes in the simulations of `mask` (N,), by default all.
+
+        Raises:
+            ValueError: `mask` is of another shape or type.
+        """
         failures = self.task.starts.failures
-        self.task.initialize_episode(self.state, self._all() if mask is None else mask)
+        mask = self._read(mask)
+        self.task.initialize_episode(self.state, mask)
         self.failures += self.task.starts.failures - failures
+        self._begun.add(mask)
 
     @torch.inference_mode()
     def reset_to(self, snapshot: TensorDict, mask: Tensor | None = None) -> None:
@@ -126,9 +136,9 @@ class BatchedEnvironment:
 
         Raises:
             ValueError: a snapshot is not one of these simulations, is at another subtask than the environment's, or has
-                nothing left to assemble.
+                nothing left to assemble; `mask` is of another shape or type.
         """
-        mask = self._all() if mask is None else mask
+        mask = self._read(mask)
         snapshot = self._checked(snapshot, mask)
         self._check_subtask(snapshot["task", "subtask"][mask])
         self._put(snapshot, mask)
@@ -146,12 +156,13 @@ class BatchedEnvironment:
                 do what they would do among all, to the bit.
 
         Raises:
-            ValueError: actions or `running` of another shape, or an action that is NaN.
+            ValueError: actions or `running` of another shape, or an action that is NaN; no episode was begun yet.
         """
         if running is None:
+            self._begun.check(None)
             action = self.before_step(action)
             return self.after_step(action, self.physics.step(SUBSTEPS))
-        running = read_mask(self.name, running, self.num_sims)
+        self._begun.check(running := read_mask(self.name, running, self.num_sims))
         if action.shape == (self.num_sims, NUM_ACTIONS):
             action = torch.where(running.unsqueeze(-1), action, 0.0)  # 0 does not ask to connect
         state, controls = dict(self.state), self.physics.ctrl.clone()
@@ -183,7 +194,12 @@ class BatchedEnvironment:
         return Assembler(self.task, self.physics)
 
     def snapshot(self) -> TensorDict:
-        """Everything that decides the future of each simulation but the random generator."""
+        """Everything that decides the future of each simulation but the random generator.
+
+        Two simulations that are restored from it go on alike, to the bit. Beside them, the one that it was taken of
+        differs by 1e-6 and more from the first step on: it also knows which parts are about to fall asleep, which no
+        state of MuJoCo holds. Source: docs/decisions/0005-physics.md.
+        """
         batch = [self.num_sims]
         task = {name: value.clone() for name, value in self.state.items()}
         return TensorDict(
@@ -202,7 +218,7 @@ class BatchedEnvironment:
         Raises:
             ValueError: it is no snapshot of so many simulations of this furniture; see `snapshot_check`.
         """
-        mask = self._all() if mask is None else mask
+        mask = self._read(mask)
         self._put(self._checked(snapshot, mask), mask)
 
     def qpos_of(self, snapshot: TensorDict) -> Tensor:
@@ -218,12 +234,14 @@ class BatchedEnvironment:
         self._check.layout(snapshot)
         if snapshot["physics"].device != self.physics.device:
             snapshot = snapshot.to(self.physics.device)
+        self._check.values(snapshot, mask)
         self._check.furniture(snapshot, mask)
         return snapshot
 
     def _put(self, snapshot: TensorDict, mask: Tensor) -> None:
         self.physics.set_state(snapshot["physics"], snapshot["welds"], mask)
         assign(self.state, {name: snapshot["task", name] for name in self.state}, mask)
+        self._begun.add(mask)
 
     def _check_subtask(self, found: Tensor) -> None:
         wrong = found >= self.num_subtasks if self.subtask is None else found != self.subtask
@@ -233,6 +251,10 @@ class BatchedEnvironment:
                 f"episodes of {asked} of {self.name} cannot start from snapshots of subtask "
                 f"{found[wrong][0].item()}; take states in which a subtask of theirs begins"
             )
+
+    def _read(self, mask: Tensor | None) -> Tensor:
+        """A mask of simulations (N,) as a caller gave it; None is all of them."""
+        return self._all() if mask is None else read_mask(self.name, mask, self.num_sims)
 
     def _bury(self, failed: Tensor) -> None:
         """Counts failed simulations and gives them a valid state to wait in for their reset."""

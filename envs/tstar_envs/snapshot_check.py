@@ -6,7 +6,7 @@ that the scene was compiled with; those that are made hold two connectors of the
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, cast
 
 import mujoco
 import torch
@@ -15,6 +15,7 @@ from torch import Tensor
 
 from tstar_envs import geometry
 from tstar_envs.physics.state_row import row_size, row_slice
+from tstar_envs.tasks.phase_reward import PHASES
 from tstar_envs.tasks.recipe_tables import RecipeTables
 from tstar_envs.tasks.task import EpisodeState
 
@@ -73,6 +74,32 @@ class SnapshotCheck:
                 raise ValueError(
                     f"{field!r} of a snapshot of {self.name} has shape {shape}, got {tuple(value.shape)}: "
                     "was it taken of other furniture?"
+                )
+
+    def values(self, snapshot: TensorDictBase, mask: Tensor) -> None:
+        """Checks the numbers in the rows of `mask` (N,); the snapshot's layout is right and it is on the device.
+
+        Raises:
+            ValueError: a subtask or a phase is none of this furniture's, or something is NaN.
+        """
+        steps = self.tables.num_steps
+        for name, most in (("subtask", steps), ("phase", len(PHASES) - 1)):
+            value = snapshot["task", name]
+            if bool((wrong := mask & ((value < 0) | (value > most))).any()):
+                row = wrong.nonzero()[0].item()
+                end = f" ({steps}: all steps are made)" if name == "subtask" else ""
+                raise ValueError(
+                    f"'task.{name}' of a snapshot of {self.name} is in 0..{most}{end}, got {value[row].item()} in "
+                    f"simulation {row}"
+                )
+        for key in self._shapes:
+            value, field = cast(Tensor, snapshot[key]), key if isinstance(key, str) else ".".join(key)
+            if field == "welds" or not value.is_floating_point():
+                continue
+            wrong = mask & value.reshape(self.num_sims, -1).isnan().any(-1)
+            if bool(wrong.any()):
+                raise ValueError(
+                    f"{field!r} of a snapshot of {self.name} is NaN in simulation {wrong.nonzero()[0].item()}"
                 )
 
     def furniture(self, snapshot: TensorDictBase, mask: Tensor) -> None:

@@ -78,7 +78,7 @@ def test_a_simulation_that_fails_is_counted_once_and_only_while_it_runs(tmp_path
 
 @pytest.mark.parametrize("mask", [torch.ones(3, dtype=torch.bool), torch.ones(N)])
 def test_a_mask_that_is_none(mask):
-    with pytest.raises(ValueError, match=r"run is a mask of shape \(4,\), torch.bool; got "):
+    with pytest.raises(ValueError, match=r"are meant is a mask of shape \(4,\), torch.bool; got "):
         make(N).step(torch.zeros(N, 9), mask)
 
 

@@ -91,6 +91,12 @@ def test_finished_pieces_are_told_apart_by_what_their_welds_join(table):
         (lambda s: s[:1], r"a snapshot of 2 simulations is needed, got \(1,\)"),
         (lambda s: s.to_dict(), "is the TensorDict that snapshot.. gives, got a dict"),
         (lambda s: s.set("welds", torch.nan * s["welds"]), OTHER),
+        (lambda s: s.set(("task", "subtask"), torch.tensor([0, -3])), r"'task\.subtask' .*got -3 in simulation 1"),
+        (lambda s: s.set(("task", "subtask"), torch.tensor([5, 0])), r"'task\.subtask' .*got 5 in simulation 0"),
+        (lambda s: s.set(("task", "phase"), torch.tensor([0, 12])), r"'task\.phase' .* in 0\.\.7, got 12 in"),
+        (lambda s: s.set("physics", torch.nan * s["physics"]), "'physics' .*table_lack is NaN in simulation 0"),
+        (lambda s: s.set(("task", "potential"), torch.nan * s["task", "potential"]), "'task.potential' .* is NaN"),
+        (lambda s: s.set(("task", "reward"), torch.tensor([0, torch.nan])), "'task.reward' .* is NaN in sim.* 1"),
     ],
 )  # fmt: skip
 def test_what_is_missing_or_of_another_shape_is_named(table, change, message):

@@ -149,7 +149,11 @@ class FurnitureEnv(EnvBase):
         return act
 
     def state_dict(self, *args, **kwargs) -> dict[str, Any]:
-        """Generator and simulations: an environment loaded with it goes on bit for bit."""
+        """Generator and simulations: environments that are loaded with it go on alike, to the bit.
+
+        So does this one once it is loaded with it, too; otherwise it differs by 1e-6 and more from the first step on.
+        Source: docs/decisions/0005-physics.md.
+        """
         return {
             "generator": self.world.generator.get_state(),
             "snapshot": self.snapshot(),

@@ -33,13 +33,21 @@ def names() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in DATA.glob("*.yaml")))
 
 
-@functools.cache
 def load(name: str) -> Furniture:
     """Returns the piece of furniture called `name`.
 
     Raises:
         FurnitureError: no file of that name, or a field of it is wrong.
     """
+    if not isinstance(name, str):
+        raise FurnitureError(
+            f"furniture is called by a name, got {name!r}: valid: {', '.join(map(repr, names()))}"
+        )
+    return _load(name)
+
+
+@functools.cache
+def _load(name: str) -> Furniture:
     if name not in names():
         raise FurnitureError(f"no furniture is called {name!r}: {did_you_mean(name, names())}")
     return read(DATA / f"{name}.yaml")

@@ -32,14 +32,18 @@ def read_actions(name: str, action: Tensor, num_sims: int) -> Tensor:
 
 
 def read_mask(name: str, running: Tensor, num_sims: int) -> Tensor:
-    """Which simulations of the task `name` run, (N,) bool.
+    """Which simulations of the task `name` are meant, (N,) bool: those that run, or that are reset.
 
     Raises:
         ValueError: it is of another shape or type.
     """
+    if not isinstance(running, Tensor):
+        raise ValueError(
+            f"which simulations of {name} are meant is a mask of shape ({num_sims},), torch.bool; got {running!r}"
+        )
     if running.shape != (num_sims,) or running.dtype != torch.bool:
         raise ValueError(
-            f"which simulations of {name} run is a mask of shape ({num_sims},), torch.bool; "
+            f"which simulations of {name} are meant is a mask of shape ({num_sims},), torch.bool; "
             f"got {tuple(running.shape)}, {running.dtype}"
         )
     return running
