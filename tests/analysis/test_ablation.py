@@ -146,9 +146,7 @@ def test_the_finding_follows_the_table(tmp_path):
     # Both seeds say -0.3, and 1.96 sqrt(0.16 + 0.1875 + 0.25 + 0.2475) / 20 = 0.090 is from episodes.
     assert lines[1].startswith("  zero against paper: -0.300 [-0.") and lines[1].endswith(", lower")
     # On seed 0 alone: +0.1 +- 1.96 sqrt(0.24 + 0.25) / 10.
-    assert lines[2].startswith("  small against paper: +0.100 [-0.0") and lines[2].endswith(
-        "no clear difference"
-    )
+    assert lines[2].startswith("  small against paper: +0.100 [-0.0") and lines[2].endswith("one seed")
     assert lines[3].endswith("no clear difference")  # -0.1 and +0.25
 
 

@@ -24,7 +24,13 @@ PAIRS = [("tstar", "buffer"), ("tstar", "not_run")]
 
 
 def write(
-    root: Path, arm: str, seed: int, shares: list[float], commit: str | None = "a" * 40, **more
+    root: Path,
+    arm: str,
+    seed: int,
+    shares: list[float],
+    commit: str | None = "a" * 40,
+    skills="skills",
+    **more,
 ) -> None:
     """A run of 20 episodes, of which `shares` completed each subtask; sampled actions complete nothing."""
     folder = root / "table" / arm / f"seed{seed}"
@@ -41,13 +47,13 @@ def write(
     pd.DataFrame(rows).assign(env_steps=1e6, minutes=2).to_csv(folder / "evaluation.csv", index=False)
     if commit:
         (folder / "config.yaml").write_text(
-            yaml.safe_dump({"skills": "skills", "versions": {"commit": commit}})
+            yaml.safe_dump({"skills": skills, "versions": {"commit": commit}})
         )
 
 
-def write_skills(root: Path, seed: int, own: list[float]) -> None:
+def write_skills(root: Path, seed: int, own: list[float], system: str = "skills") -> None:
     for subtask, success in enumerate(own):
-        folder = root / "table" / "skills" / f"seed{seed}" / f"subtask{subtask}"
+        folder = root / "table" / system / f"seed{seed}" / f"subtask{subtask}"
         folder.mkdir(parents=True)
         row = {
             "checkpoint": "last",
@@ -145,6 +151,13 @@ def test_the_gap_is_of_the_arms_own_skills_where_they_were_tried(root):
     assert gaps.loc[("tstar", 0), "gap"] == pytest.approx(0.05) and gaps.loc[("tstar", 0), "fine_tuned"]
     assert gaps.loc[("tstar", 1), "gap"] == pytest.approx(0.125) and not gaps.loc[("tstar", 1), "fine_tuned"]
     assert gaps.loc[("buffer", 0), "gap"] == pytest.approx(0.225)
+
+
+def test_the_gap_of_an_arm_with_skills_of_its_own_is_of_these(root):
+    write(root, "wider", 0, [0.5, 0.5], skills="wider/skills")
+    write_skills(root, 0, [0.5, 0.5], "wider/skills")
+    gaps = hand_over_gaps(read_experiment(root), "table").set_index(["arm", "seed"])
+    assert gaps.loc[("wider", 0), "product"] == pytest.approx((0.5 + 0.25) / 2)
 
 
 def test_without_a_try_of_the_skills_there_is_no_gap(tmp_path):

@@ -158,8 +158,32 @@ def test_what_each_choice_adds_is_said_in_the_words_of_the_contents(published):
     # .01 and 0: half of 12.7 deviations of .0071, over the root of two, is .064.
     assert rows["hardly anything"][1:] == ["-0.06 to +0.07", "2", "no clear difference"]
     assert rows["nothing"] == ["+0.000 [+0.00, +0.00]", "+0.00 to +0.00", "2", "within 0.05 of zero"]
-    assert rows["one seed"][1:] == ["-", "1", "no clear difference"]
+    assert rows["one seed"][1:] == ["-", "1", "one seed"]
     assert "what was not run" not in rows
+
+
+def test_an_experiment_may_call_an_arm_otherwise(published):
+    odd = {"folder": "odd", "kind": "experiment", "arms": {"buffer": "other starts"}}
+    contents(published, [odd, {"folder": "plain", "kind": "paper"}], {"odd": None})
+    pages = results_page(published, THEIRS, "<!-- table: odd -->"), runs_page(published, THEIRS)
+    for page in (*pages, results_head(published, THEIRS, "Found.")):
+        assert "| other starts, every turn kept | " in page and "buffer starts" not in page
+
+
+def test_only_what_was_changed_after_its_skills_were_tried_has_a_star(published):
+    for system in ("no_finetuning", "floored"):
+        write(published, "odd", system, 3, 0.5)
+    for subtask in (0, 1):
+        folder = published / "odd" / "table" / "gail_ppo" / "seed3" / f"subtask{subtask}"
+        folder.mkdir(parents=True)
+        alone = {"checkpoint": "last", "mode": "deterministic", "success": 0.5, "env_steps": 1, "episodes": 2}
+        pd.DataFrame([alone]).to_csv(folder / "evaluation.csv", index=False)
+    lead = results_page(published, THEIRS, "<!-- table: odd -->").split("## How to read")[0]
+    rows = {
+        line.split(" | ")[0].strip("| "): line.split(" | ")[3] for line in lead.splitlines() if " | " in line
+    }
+    # The product of .5 and .5 is a progress of (.5 + .25) / 2.
+    assert (rows["no_finetuning"], rows["floored"]) == ("-0.125", "-0.125 \\*")
 
 
 def test_the_readme_has_what_the_notes_begin_with_and_short_tables(published):

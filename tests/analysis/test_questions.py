@@ -24,18 +24,21 @@ def said(*rows: dict, pairs=(("a", "b"),), **rule) -> str:
         (compared(seeds=9), "being measured: 9 of 10 seeds"),
         (compared("a", "c"), "being measured: 0 of 10 seeds"),
         (compared(difference=0.01, half=0.02), "no: a gain of 0.05 is ruled out"),
-        (compared(difference=-0.1, half=0.02), "no: a gain of 0.05 is ruled out"),
+        (compared(difference=-0.01, half=0.02), "no: a gain of 0.05 is ruled out"),
+        (compared(difference=-0.1, half=0.02), "no: it is lower"),
         # The bootstrap's end is below the margin, Student's is not. The deviation is .04 sqrt(10) / 2.262 = .0559, and
-        # the margin .03 away: 2.145 x .0559 / sqrt(15) = .0310, 2.131 x .0559 / sqrt(16) = .0298.
-        (compared(difference=0.02, half=0.04, high=0.03), "not decided; 16 seeds would"),
+        # the margin .03 away. With t(.975) + t(.80): (2.048 + .855) x .0559 / sqrt(29) = .0301, of 30 seeds
+        # (2.045 + .854) x .0559 / sqrt(30) = .0296.
+        (compared(difference=0.02, half=0.04, high=0.03), "not decided; 30 seeds probably would"),
     ],
 )
 def test_an_answer_follows_the_intervals_and_the_margin(row, expected):
     assert said(row, margin=0.05) == expected
 
 
-def test_without_a_margin_there_is_no_no():
-    assert said(compared(difference=-0.1, half=0.02)) == "not shown"
+def test_without_a_margin_there_is_no_no_but_for_what_is_lower():
+    assert said(compared(difference=-0.01, half=0.02)) == "not shown"
+    assert said(compared(difference=-0.1, half=0.02)) == "no: it is lower"
 
 
 def test_every_pair_must_be_higher():
@@ -58,9 +61,9 @@ def test_an_improvement_needs_its_probability_and_its_corrected_p_value(row, exp
 
 
 def test_seeds_to_decide_by_the_table_of_students_t():
-    # t(.975) of 4 seeds is 3.182, of 5 is 2.776: 3.182 / 2 = 1.591 and 2.776 / sqrt(5) = 1.241.
-    assert seeds_to_decide(1.3, 1.0, 0.0) == 5
-    assert seeds_to_decide(1.6, 1.0, 0.0) == 4
-    assert seeds_to_decide(-1.1, 1.0, 0.2) == 5  # the margin is 1.3 away
+    # t(.975) + t(.80) of 4 seeds is 3.182 + .978, of 5 is 2.776 + .941: 4.160 / 2 = 2.080, 3.717 / sqrt(5) = 1.662.
+    assert seeds_to_decide(1.7, 1.0, 0.0) == 5
+    assert seeds_to_decide(2.1, 1.0, 0.0) == 4
+    assert seeds_to_decide(-1.5, 1.0, 0.2) == 5  # the margin is 1.7 away
     assert seeds_to_decide(0.0, 1.0, 1e-6) is None
     assert seeds_to_decide(0.0, 0.0, 0.05) == 2

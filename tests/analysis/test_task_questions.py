@@ -53,10 +53,14 @@ def row(value=0.8, low=0.6, high=0.9, ahead=8, tasks=9, p_value=0.039, runs=10) 
         (row(ahead=7, p_value=0.18), "not decided: ahead on 7 of 9 tasks alone"),
         (row(ahead=1), "not decided: ahead on 1 of 9 tasks alone"),  # few, though the sign test is sure
         (row(0.55, 0.45, 0.7), "no, or not by much"),
-        (row(0.2, 0.1, 0.3), "no, or not by much"),
-        # .1 from .5 with a lower half of .2: four times the seeds; .15 from the margin with an upper half of .2: 1.8.
-        (row(0.6, 0.4, 0.8), "not decided; 1.8 times as many seeds would"),
-        (row(0.7, 0.45, 0.8), "not decided; 1.6 times as many seeds would"),  # (.25 / .2) ** 2
+        (row(0.2, 0.1, 0.3), "no: it does worse"),
+        # .1 from .5 with a lower half of .2: 4 x 2.043 times the seeds, with 2.043 = ((1.960 + .842) / 1.960) ** 2; .15
+        # from the margin with an upper half of .2: 1.778 x 2.043.
+        (row(0.6, 0.4, 0.8), "not decided; 3.7 times as many seeds probably would"),
+        (
+            row(0.7, 0.45, 0.8),
+            "not decided; 3.2 times as many seeds probably would",
+        ),  # (.25 / .2) ** 2 x 2.043
         (row(runs=9), "being measured: 9 of 10 runs"),
     ],
 )

@@ -2,7 +2,7 @@
 
 Scores of an arm are a list with one array of episodes for each seed. Every interval is a 95% percentile bootstrap:
 seeds are drawn with replacement, then episodes within each drawn seed, so both sources of chance are in it. With
-fewer than about five seeds such an interval is too narrow; `paired_difference` gives Student's t beside it.
+fewer than some ten seeds such an interval is too narrow; `paired_difference` gives Student's t beside it.
 
 Source: Agarwal et al., Deep Reinforcement Learning at the Edge of the Statistical Precipice, NeurIPS 2021.
 """
@@ -57,10 +57,10 @@ class Difference(NamedTuple):
     seeds: int
 
     def verdict(self) -> str:
-        """Returns "higher" or "lower" where every interval excludes 0, else "no clear difference"."""
-        sure = self.low > 0 or self.high < 0
-        if math.isfinite(self.t_half):
-            sure &= abs(self.value) > self.t_half
+        """Returns "higher" or "lower" where both intervals exclude 0, else "no clear difference"; "one seed" of one."""
+        if self.seeds == 1:
+            return "one seed"
+        sure = (self.low > 0 or self.high < 0) and abs(self.value) > self.t_half
         return "no clear difference" if not sure else "higher" if self.value > 0 else "lower"
 
 

@@ -40,6 +40,8 @@ def read_metrics(root: str | Path = "results") -> pd.DataFrame:
 def read_evaluations(root: str | Path = "results") -> pd.DataFrame:
     """Every evaluation.csv below `root`, with columns task, recipe, seed, subtask and commit added.
 
+    Skills that an arm has for itself lie below it; their recipe is <arm>/<recipe>.
+
     Raises:
         ValueError: if a table has rows of another seed than its folder's.
     """
@@ -70,12 +72,19 @@ def _read(root: str | Path, name: str, commits: bool = False) -> pd.DataFrame:
     root = Path(root)
     depths = ("*/*/seed*", "*/*/seed*/subtask*")
     files = [file for depth in depths for file in sorted(root.glob(f"{depth}/{name}"))]
+    files += _of_arms_own_skills(root, name) if commits else []
     frames = [_read_one(file, root) for file in files]
     if commits:
         frames = [
             rows.assign(commit=commit_of(file.parent)) for rows, file in zip(frames, files, strict=True)
         ]
     return pd.concat(frames, ignore_index=True) if frames else pd.DataFrame()
+
+
+def _of_arms_own_skills(root: Path, name: str) -> list[Path]:
+    """Tables of skills below an arm's folder, which is one that has seeds of its own."""
+    below = sorted(root.glob(f"*/*/*/seed*/subtask*/{name}"))
+    return [file for file in below if any(file.parents[3].glob("seed*"))]
 
 
 def _read_one(file: Path, root: Path) -> pd.DataFrame:

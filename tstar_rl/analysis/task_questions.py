@@ -6,16 +6,19 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from scipy.stats import binomtest
+from scipy.stats import binomtest, norm
 
 from tstar_rl.analysis.experiments import SEED, TaskScores
 from tstar_rl.analysis.over_tasks import paired_scores
+from tstar_rl.analysis.questions import POWER
 from tstar_rl.analysis.task_statistics import improvement_over_tasks
 
 __all__ = ["TaskQuestion", "answer_over_tasks", "compare_over_tasks"]
 
 NO_DIFFERENCE = 0.5
 """Of the probability of improvement."""
+POWERED = float(norm.ppf((0.975, POWER)).sum() / norm.ppf(0.975))
+"""How many times narrower an interval must be to end at a limit with the chance POWER, and not with one of a half."""
 
 
 @dataclass(frozen=True)
@@ -75,8 +78,9 @@ def answer_over_tasks(question: TaskQuestion, found: pd.DataFrame) -> str:
     """What the comparison says.
 
     Yes: the interval of the probability of improvement lies above .5, and the first is ahead on so many tasks that the
-    sign test has p < .05. No: it does not lie above .5, and lies below the margin. Else it is not decided, and the
-    answer says how many times as many seeds would, should the interval shrink with their root and stay where it is.
+    sign test has p < .05. No: it does not lie above .5, and lies below the margin; below .5, the first does worse. Else
+    it is not decided, and the answer says how many times as many seeds would, in four of five cases, should the
+    interval shrink with their root and stay where it is.
 
     Args:
         question: that was declared.
@@ -95,11 +99,13 @@ def answer_over_tasks(question: TaskQuestion, found: pd.DataFrame) -> str:
     if low > NO_DIFFERENCE:
         sure = row["ahead"] > row["tasks"] / 2 and row["p_value"] < 0.05
         return "yes" if sure else f"not decided: ahead on {row['ahead']} of {row['tasks']} tasks alone"
+    if high < NO_DIFFERENCE:
+        return "no: it does worse"
     if high < question.margin:
         return "no, or not by much"
     needed = [
-        (half / room) ** 2
+        (POWERED * half / room) ** 2
         for half, room in ((value - low, value - NO_DIFFERENCE), (high - value, question.margin - value))
         if room > 0
     ]
-    return f"not decided; {math.ceil(10 * min(needed)) / 10:g} times as many seeds would"
+    return f"not decided; {math.ceil(10 * min(needed)) / 10:g} times as many seeds probably would"

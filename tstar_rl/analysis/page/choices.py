@@ -9,7 +9,7 @@ from tstar_rl.analysis.page.markdown import NOTHING, Paper, signed_interval, tab
 
 __all__ = ["choice_table"]
 
-HEADER = ["what is chosen", "adds to progress [95%, bootstrap]", "95%, Student's t", "seeds", "verdict"]
+HEADER = ["what is chosen", "change in progress [95%, bootstrap]", "95%, Student's t", "seeds", "verdict"]
 SMALL = 0.05
 """A difference whose two intervals lie within this of zero is called small, whatever its sign."""
 

@@ -8,6 +8,7 @@ from typing import TypeVar
 import yaml
 
 from tstar_rl.analysis.page.headline import Headline, parse_headline
+from tstar_rl.analysis.page.markdown import Paper
 from tstar_rl.analysis.questions import Question
 from tstar_rl.analysis.task_questions import TaskQuestion
 from tstar_rl.runs.run_folder import UNTRAINED
@@ -44,6 +45,12 @@ class Entry:
     """What is chosen, in words, and the pair of arms whose difference says what that adds."""
     sections: tuple[str, ...] | None = None
     """Tasks with a section of their own on the page; None: all of them."""
+    arms: Mapping[str, str] = field(default_factory=dict)
+    """What some of its arms are called, where that differs from other experiments."""
+
+    def named(self, paper: Paper) -> Paper:
+        """docs/paper_results.yaml with what this experiment calls its arms."""
+        return {**paper, "arms": {**paper.get("arms", {}), **self.arms}}
 
     def has_section(self, task: str) -> bool:
         """Whether the page has a section of this task."""

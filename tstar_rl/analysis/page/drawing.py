@@ -63,13 +63,13 @@ def draw_page(root: Path, paper: Paper, figures: Path) -> list[Path]:
         if entry.kind == "ablations":
             continue
         if entry.kind == "experiment":
-            experiment = read_experiment(entry.folder, entry.commits == "one")
-            found += draw_over_tasks(experiment, paper, entry, figures)
-            found += draw_experiment(experiment, paper, entry, figures)
+            experiment, named = read_experiment(entry.folder, entry.commits == "one"), entry.named(paper)
+            found += draw_over_tasks(experiment, named, entry, figures)
+            found += draw_experiment(experiment, named, entry, figures)
             metrics = read_metrics(entry.folder)
             for task in filter(entry.has_section, experiment.tasks):
-                found += draw_costs(experiment, metrics, paper, task, entry.prefix, figures)
-                found += draw_turns(experiment, metrics, paper, task, entry.prefix, figures)
+                found += draw_costs(experiment, metrics, named, task, entry.prefix, figures)
+                found += draw_turns(experiment, metrics, named, task, entry.prefix, figures)
         found += _draw_runs(entry, figures)
     return found
 

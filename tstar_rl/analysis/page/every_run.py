@@ -35,7 +35,7 @@ def runs_page(root: str | Path, paper: Paper) -> str:
         evaluations = evaluations_of(entry.folder)
         found.append(f"## {entry.title}")
         for task in tasks_of(paper, evaluations):
-            found += [f"### {entry.title}: {task}", _by_seed(evaluations, paper, task)]
+            found += [f"### {entry.title}: {task}", _by_seed(evaluations, entry.named(paper), task)]
     return "\n\n".join(part.strip() for part in found if part) + "\n"
 
 

@@ -23,12 +23,15 @@ from tstar_rl.analysis.page.markdown import (
 from tstar_rl.analysis.questions import answer
 from tstar_rl.analysis.statistics import holm
 from tstar_rl.analysis.tables import short_commit
+from tstar_rl.runs.run_folder import UNTRAINED
 
 __all__ = ["answers", "arms", "commits", "comparison_table", "comparisons", "draw_experiment", "short_table"]
 
 ARMS = "Every seed is a dot, with interquartile mean and 95% interval; right: the share of seeds above a progress."
 PAIRS = "Differences in progress on the same seed."
-STARRED = "\n\\* Gap to the skills before fine-tuning: the fine-tuned skills were not tried alone.\n"
+STARRED = (
+    "\n\\* Gap to the skills as they were before fine-tuning, or before their normalisers were changed.\n"
+)
 
 
 def ordered(experiment: Experiment, paper: Paper, task: str, mode: str = "deterministic") -> pd.DataFrame:
@@ -45,8 +48,8 @@ def _gap(gaps: pd.DataFrame, arm: str) -> list[str]:
     mine = gaps[gaps["arm"] == arm]
     if mine["gap"].isna().all():
         return [NOTHING, NOTHING]
-    star = "" if mine["fine_tuned"].all() else " \\*"
-    return [f"{mine['product'].mean():.3f}", f"{mine['gap'].mean():.3f}{star}"]
+    star = "" if mine["fine_tuned"].all() or arm.startswith(UNTRAINED) else " \\*"
+    return [f"{mine['product'].mean():.3f}", f"{mine['gap'].mean():z.3f}{star}"]
 
 
 def arms(experiment: Experiment, paper: Paper, task: str, prefix: str) -> str:
@@ -118,7 +121,7 @@ def comparison_table(experiment: Experiment, paper: Paper, entry: Entry, task: s
         ours = [_p_value(corrected.get((row.first, row.second)))] if corrected else []
         lines.append([*line, *ours, str(row.verdict)])
     header = ["difference in progress", "seeds", "mean [95%, bootstrap]", "95%, Student's t"]
-    header += ["probability of improvement [95%]", *(["p, Holm"] if corrected else []), "the first is"]
+    header += ["probability of improvement [95%]", *(["p, Holm"] if corrected else []), "verdict"]
     return table(header, lines) if lines else ""
 
 

@@ -35,13 +35,17 @@ a single policy the one with the highest running mean of subtasks completed in t
 checkpoint.
 
 *Progress [95%]* and *success [95%]* are interquartile means over seeds (with fewer than four seeds: means). The
-interval is a bootstrap over seeds, and over episodes within seeds. With fewer than five seeds it is too narrow. So a
-*difference* between two arms, paired by seed, has Student's t beside it, and is called higher or lower only where both
-exclude zero. *Probability of improvement* is how often a seed of the first arm beats a seed of the second. Other tables
-give mean +- standard deviation over seeds.
+interval is a bootstrap over seeds, and over episodes within seeds. With fewer than some ten seeds it is too narrow. So
+a *difference* between two arms, paired by seed, has Student's t beside it, and is called higher or lower only where
+both exclude zero. *Probability of improvement* is how often a seed of the first arm beats a seed of the second. Other
+tables give mean +- standard deviation over seeds.
 
 *Product of its skills* is the progress of a chain whose skills succeed as often from where the one before ends as from
-their own starts. The *hand-over gap* is that product minus what the chain does: all that a way of chaining can mend.
+their own starts. The *hand-over gap* is that product minus what the chain does: what better hand-overs alone can mend.
+
+Answers to questions: *yes* and *no* follow the rule that was declared. *Not shown*: a rule that asks for much was not
+met. *Not decided*: neither a gain nor its absence can be told. *N seeds probably would*: with N seeds the interval
+would exclude one of the two in four of five cases, if mean and spread stay what they are.
 """
 
 
@@ -74,14 +78,14 @@ def _filled(notes: str, entries: dict[str, Entry], paper: Paper) -> str:
         if entry is None or entry.kind != "experiment":
             known = ", ".join(name for name, each in entries.items() if each.kind == "experiment")
             raise ValueError(f"{found[0]}: there is no such experiment; there are {known}")
-        experiment = read_experiment(entry.folder)
+        experiment, named = read_experiment(entry.folder), entry.named(paper)
         if kind == "over all tasks":
-            return short_over_tasks(experiment, paper, entry).strip()
+            return short_over_tasks(experiment, named, entry).strip()
         written = {"comparisons": parts.comparison_table, "answers": parts.answers, "choices": choice_table}
         shown = [
-            written[kind](experiment, paper, entry, task)
+            written[kind](experiment, named, entry, task)
             if kind in written
-            else parts.short_table(experiment, paper, task)
+            else parts.short_table(experiment, named, task)
             for task in experiment.tasks
         ]
         return "\n".join(shown).strip()
@@ -95,7 +99,7 @@ def _experiment(entry: Entry, paper: Paper) -> str:
     Raises:
         ValueError: if its arms come from several commits and contents.yaml does not say so.
     """
-    said = [f"#{entry.intro()}"]
+    said, paper = [f"#{entry.intro()}"], entry.named(paper)
     if entry.kind == "ablations":
         return "\n\n".join([*said, sections.ablated(entry.folder)])
     evaluations, metrics = sections.evaluations_of(entry.folder), read_metrics(entry.folder)
@@ -145,12 +149,12 @@ def results_head(root: str | Path, paper: Paper, notes: str) -> str:
         if entry.kind == "paper":
             found += [link, sections.short_comparison(evaluations, paper, tasks)]
         if entry.kind == "experiment":
-            experiment = read_experiment(entry.folder)
+            experiment, named = read_experiment(entry.folder), entry.named(paper)
             if len(experiment.tasks) > 1:
-                shown = {f"{len(experiment.tasks)} tasks": short_over_tasks(experiment, paper, entry)}
+                shown = {f"{len(experiment.tasks)} tasks": short_over_tasks(experiment, named, entry)}
             else:
                 shown = {
-                    f"`{task}`": parts.short_table(experiment, paper, task, arms) for task in experiment.tasks
+                    f"`{task}`": parts.short_table(experiment, named, task, arms) for task in experiment.tasks
                 }
             found += [text for words, rows in shown.items() for text in (f"{link}, {words}", rows)]
     return "\n\n".join(part.strip() for part in found)
