@@ -62,8 +62,19 @@ def test_configs_of_an_earlier_commit_are_composed_meanwhile(repository, tmp_pat
 
 
 def test_a_commit_that_is_not_there_is_refused(repository, tmp_path):
-    with pytest.raises(ValueError, match="git worktree add .* invalid reference: 123456"):
+    with pytest.raises(
+        ValueError, match="commit 123456 is not in the repository .*: fetch it, or name a commit"
+    ):
         code_of_commit("123456", tmp_path / "code", repository[0])
+
+
+def test_a_branch_a_tag_and_an_upper_case_hash_name_their_commit(repository, tmp_path):
+    root, (old, new) = repository
+    git(root, "branch", "-M", "main")
+    git(root, "tag", "v1.0", old)
+    for name, commit in (("main", new), ("v1.0", old), (old.upper(), old), (new[:10], new)):
+        for _ in range(2):  # made, and found again
+            assert code_of_commit(name, tmp_path / "code", root) == tmp_path.resolve() / "code" / commit[:12]
 
 
 def test_a_checkout_that_was_changed_is_refused(repository, tmp_path):

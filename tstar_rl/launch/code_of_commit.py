@@ -18,16 +18,22 @@ __all__ = ["code_of_commit", "configs_of", "environ_of"]
 def code_of_commit(commit: str, folder: Path, repository: Path = CONFIGS.parent) -> Path:
     """A checkout of that commit below `folder`; it is made (`git worktree add`) unless it is there.
 
+    Args:
+        commit: a hash, a part of one, or the name of a branch or a tag.
+        folder: where checkouts lie, each in a folder called by its hash.
+        repository: which has the commit.
+
     Raises:
         InvalidValueError: if the repository does not have the commit, or the checkout that is there is of another one
             or was changed.
     """
+    commit = _hash_of(commit, repository)
     place = folder.resolve() / commit[:12]
     if not place.is_dir():
         _git(repository, "worktree", "prune")  # one that somebody deleted would be in the way
         _git(repository, "worktree", "add", "--detach", str(place), commit)
     head, changed = _git(place, "rev-parse", "HEAD"), _git(place, "status", "--porcelain")
-    if not head.startswith(commit) or changed:
+    if head != commit or changed:
         found = f"is of {head}" if not changed else f"was changed: {' '.join(changed.split())}"
         raise InvalidValueError(
             f"{place} is to be the code of {commit}, but it {found}; delete it and it is made anew"
@@ -50,6 +56,17 @@ def configs_of(root: Path) -> Iterator[None]:
 def environ_of(root: Path) -> dict[str, str]:
     """The environment in which Python finds a checkout's code before any that is installed."""
     return {**os.environ, "PYTHONPATH": os.pathsep.join((str(root), str(root / "envs")))}
+
+
+def _hash_of(commit: str, repository: Path) -> str:
+    """The whole hash of what git calls `commit`: a branch or an upper-case hash is no name of a checkout's HEAD."""
+    _git(repository, "rev-parse", "--git-dir")
+    try:
+        return _git(repository, "rev-parse", "--verify", "--end-of-options", f"{commit}^{{commit}}")
+    except InvalidValueError as error:
+        raise InvalidValueError(
+            f"commit {commit} is not in the repository {repository}: fetch it, or name a commit, branch or tag of it"
+        ) from error
 
 
 def _git(folder: Path, *command: str) -> str:

@@ -1,11 +1,13 @@
 """A declared experiment from the values of `configs/experiment/<name>.yaml`, and what is refused in them."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from tstar_rl.checks import InvalidValueError
+from tstar_rl.config.check import check
+from tstar_rl.config.values import task_section
 from tstar_rl.launch.experiment import Arm, DeclaredExperiment
-from tstar_rl.runs.run_folder import UNTRAINED
+from tstar_rl.runs.run_folder import RECIPES, UNTRAINED
 
 __all__ = ["parse_experiment"]
 
@@ -14,31 +16,64 @@ def parse_experiment(values: Mapping[str, Any]) -> DeclaredExperiment:
     """An experiment from plain values.
 
     Raises:
-        InvalidValueError: for a field that is not known or missing, seeds of a task that is not there, two arms of one
+        InvalidValueError: for a field that is not known or missing or of another type, a list that is empty or names
+            something twice, a task or a recipe that is not there, seeds of a task that is not there, two arms of one
             name, an arm that trains nothing under a name of one that does, an arm whose bonus is that of an arm that
             does not exist or has other seeds, an arm with the skills of one that has none of its own.
     """
-    fields = DeclaredExperiment.__dataclass_fields__
-    _check_names("experiment", values, fields, ("name", "page", "scale", "tasks", "seeds", "arms"))
-    plain = _with_tuples(values)
-    plain["arms"] = tuple(_parse_arm(one) for one in values["arms"])
-    plain["seeds_by_task"] = _with_tuples(values.get("seeds_by_task", {}))
+    check(
+        values,
+        DeclaredExperiment,
+        "experiment",
+        {"arms": tuple[dict[str, Any], ...], "seeds_by_task": dict[str, Any]},
+    )
+    plain, by_task = _with_tuples(values), values.get("seeds_by_task", {})
+    if not values["arms"]:
+        raise InvalidValueError("experiment.arms must name at least one, got none")
+    plain["arms"] = tuple(_parse_arm(one, values.get("commit")) for one in values["arms"])
+    plain["seeds_by_task"] = _with_tuples(by_task)
+    _check_once("experiment.tasks", plain["tasks"])
+    for task in plain["tasks"]:
+        task_section(task)
     unknown = sorted(set(plain["seeds_by_task"]) - set(plain["tasks"]))
     if unknown:
         raise InvalidValueError(
             f"experiment.seeds_by_task names {', '.join(unknown)}; tasks are {', '.join(plain['tasks'])}"
         )
+    for where, seeds in (("seeds", plain["seeds"]), *plain["seeds_by_task"].items()):
+        _check_seeds("experiment.seeds" if where == "seeds" else f"experiment.seeds_by_task.{where}", seeds)
     experiment = DeclaredExperiment(**plain)
     _check_arms(experiment)
     return experiment
 
 
-def _parse_arm(values: Mapping[str, Any]) -> Arm:
-    _check_names("an arm of the experiment", values, Arm.__dataclass_fields__, ("name", "recipe"))
+def _parse_arm(values: Mapping[str, Any], commit: str | None) -> Arm:
+    check(values, Arm, "an arm of the experiment")
     arm = Arm(**_with_tuples(values))
     if arm.recipe == UNTRAINED and not arm.name.startswith(UNTRAINED):
         raise InvalidValueError(f"experiment.arms: {arm.name} trains nothing, so call it {UNTRAINED}...")
+    if arm.seeds is not None:
+        _check_seeds(f"experiment.arms: seeds of {arm.name}", arm.seeds)
+    for name in (arm.recipe, arm.skills):
+        pinned = arm.commit or commit  # whose recipes are others
+        if not pinned and name != UNTRAINED and not (RECIPES / f"{name}.py").is_file():
+            raise InvalidValueError(
+                f"experiment.arms: {arm.name} has the recipe {name}; there is no recipes/{name}.py"
+            )
     return arm
+
+
+def _check_seeds(where: str, seeds: Any) -> None:
+    whole = isinstance(seeds, tuple) and all(type(seed) is int and seed >= 0 for seed in seeds)
+    if not whole:
+        raise InvalidValueError(f"{where} must be a list of whole numbers from 0, got {seeds!r}")
+    _check_once(where, seeds)
+
+
+def _check_once(where: str, named: tuple[Any, ...]) -> None:
+    if not named or len(set(named)) < len(named):
+        got = ", ".join(map(str, named)) or "none"
+        raise InvalidValueError(f"{where} must name at least one, and each once; got {got}")
 
 
 def _check_arms(experiment: DeclaredExperiment) -> None:
@@ -65,14 +100,6 @@ def _check_arms(experiment: DeclaredExperiment) -> None:
                 raise InvalidValueError(
                     f"experiment.arms: {arm.name} has the bonus of {arm.bonus_of}; seed {seed} has {', '.join(there)}"
                 )
-
-
-def _check_names(what: str, values: Mapping[str, Any], known: Iterable[str], needed: tuple[str, ...]) -> None:
-    unknown = [str(name) for name in values if name not in known]
-    lacks = [name for name in needed if name not in values]
-    if unknown or lacks:
-        wrong = f"has no {', '.join(unknown)}" if unknown else f"lacks {', '.join(lacks)}"
-        raise InvalidValueError(f"{what} {wrong}; it has {', '.join(known)}")
 
 
 def _with_tuples(values: Mapping[str, Any]) -> dict[str, Any]:
