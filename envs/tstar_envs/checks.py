@@ -7,14 +7,16 @@ import numbers
 from typing import Any
 
 
-def whole_number(name: str, value: Any, least: int) -> int:
+def whole_number(name: str, value: Any, least: int, most: int | None = None) -> int:
     """Returns `value` as an int.
 
     Raises:
-        ValueError: it is no whole number (True and 2.0 are none), or below `least`.
+        ValueError: it is no whole number (True and 2.0 are none), below `least` or above `most`.
     """
-    if isinstance(value, bool) or not isinstance(value, numbers.Integral) or value < least:
-        raise ValueError(f"{name} must be a whole number from {least}, got {value!r}")
+    number = isinstance(value, (int, numbers.Integral)) and not isinstance(value, bool)
+    if not number or int(value) < least or (most is not None and int(value) > most):
+        end = "" if most is None else f" to {most}"
+        raise ValueError(f"{name} must be a whole number from {least}{end}, got {value!r}")
     return int(value)
 
 

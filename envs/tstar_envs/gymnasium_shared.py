@@ -16,6 +16,7 @@ from torch import Tensor
 from tstar_envs import rendering
 from tstar_envs.checks import whole_number
 from tstar_envs.environment import BatchedEnvironment
+from tstar_envs.scene import LARGEST_IMAGE
 from tstar_envs.tasks.actions import NUM_ACTIONS
 from tstar_envs.tasks.phase_reward import PHASES
 
@@ -32,7 +33,11 @@ class Camera:
         if mode not in valid:
             raise ValueError(f"render_mode must be one of {', '.join(map(repr, valid))}; got {mode!r}")
         self.world, self.mode = world, mode
-        self.width, self.height = whole_number("width", width, 1), whole_number("height", height, 1)
+        widest, highest = LARGEST_IMAGE
+        self.width, self.height = (
+            whole_number("width", width, 1, widest),
+            whole_number("height", height, 1, highest),
+        )
         self._renderer: rendering.Renderer | None = None
 
     def draw(self) -> tuple[np.ndarray, ...] | None:

@@ -16,6 +16,8 @@ from tstar_envs.robots import sawyer
 TIMESTEP = 0.01
 SUBSTEPS = 10
 """10 physics steps of 10 ms a control step: 10 Hz control (docs/decisions/0005-physics.md)."""
+LARGEST_IMAGE = 1280, 960
+"""Width and height in pixels: no picture of the scene can be larger."""
 
 _GEOM_TYPES = {
     Box: mujoco.mjtGeom.mjGEOM_BOX,
@@ -83,7 +85,7 @@ def _set_options(spec: mujoco.MjSpec) -> None:
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     option.iterations, option.ls_iterations, option.impratio = 30, 20, 1
     option.enableflags |= mujoco.mjtEnableBit.mjENBL_SLEEP
-    spec.visual.global_.offwidth, spec.visual.global_.offheight = 1280, 960
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = LARGEST_IMAGE
 
 
 def _add_part(spec: mujoco.MjSpec, part: Part, colour: tuple[float, ...], impedance: float | None) -> None:

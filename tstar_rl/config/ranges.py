@@ -6,10 +6,12 @@ from typing import Any
 
 from tstar_rl.checks import RANGES, need_extra
 from tstar_rl.config.check import ConfigError
-from tstar_rl.demonstrations.file_check import KINDS
+from tstar_rl.demonstrations.header import KINDS, unknown_setting
 
 __all__ = ["check_links", "check_machine", "check_ranges_of", "find"]
 
+MODES = ("deterministic", "stochastic")
+"""How actions are taken in an evaluation: the names of `rollouts.episodes.MODES`, which needs torch."""
 LEAST = {
     "seed": 0,
     "nthread": 0,
@@ -70,14 +72,17 @@ KINDS_OF_NUMBERS = {
     "decay": "positive_share",
 }
 """Of each other number, its kind: see `checks.RANGES`."""
-NOT_EMPTY = ("checkpoints", "kinds", "modes", "only", "scales", "seeds", "systems", "tasks")
+NOT_EMPTY = ("checkpoints", "formats", "kinds", "modes", "only", "scales", "seeds", "systems", "tasks")
 """Lists that name what a recipe does."""
 CHOICES = {
     "launch": ("local", "ray"),
     "collection.backend": ("local", "ray"),
     "demonstrations.kind": KINDS,
+    "mode": MODES,
     "physics": ("mujoco", "warp", None),
 }
+CHOICES_OF_LISTS = {"kinds": KINDS, "modes": MODES}
+"""The same of every entry of a list."""
 
 
 def check_ranges_of(values: Mapping[str, Any]) -> None:
@@ -101,6 +106,12 @@ def check_ranges_of(values: Mapping[str, Any]) -> None:
         if (value := find(values, name)) not in valid and _has(values, name):
             said = ", ".join("null" if one is None else one for one in valid)
             raise ConfigError(f"{name} must be one of {said}; got {value!r}")
+    for name, choices in CHOICES_OF_LISTS.items():
+        for value in find(values, name) or ():
+            if value not in choices:
+                raise ConfigError(f"each {name[:-1]} must be one of {', '.join(choices)}; got {value!r}")
+    if told := unknown_setting(find(values, "demonstrations.may_differ") or ()):
+        raise ConfigError(f"demonstrations.may_differ has {told}")
     for seed in values.get("seeds") or ():
         if seed < 0:
             raise ConfigError(f"seeds must be whole numbers from 0, got {seed}")

@@ -54,6 +54,8 @@ def read_header(path: str | Path, arrays: dict[str, np.ndarray]) -> dict[str, An
 
 def unknown_setting(names: Iterable[str]) -> str:
     """What to say of the first of `names` that is no setting of the environment; empty where all are."""
+    if not (names := list(names)):
+        return ""
     from tstar_rl.env.task_tables import DEFAULT_SETTINGS
 
     for name in names:

@@ -1,0 +1,34 @@
+"""Values that name what a recipe does are checked before it begins, those in lists too."""
+
+import pytest
+
+from tstar_rl.checks import InvalidValueError
+from tstar_rl.config import ranges
+from tstar_rl.config.ranges import check_ranges_of
+from tstar_rl.rollouts import episodes
+
+CONFIG = {"task": {"name": "table_lack", "subtasks": 4}, "subtask": None}
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"formats": []}, "formats must name at least one, got none: there would be nothing to do"),
+        ({"modes": ["deterministic", "x"]}, "mode must be one of deterministic, stochastic; got 'x'"),
+        ({"mode": "x"}, "mode must be one of deterministic, stochastic; got 'x'"),
+        ({"kinds": ["plain", "x"]}, "kind must be one of plain, noisy; got 'x'"),
+        (
+            {"demonstrations": {"kind": "plain", "may_differ": ["nix"]}},
+            "may_differ has 'nix'; valid settings: veloc",
+        ),
+    ],
+)
+def test_a_name_that_is_none_is_told(values, message):
+    with pytest.raises(InvalidValueError, match=message):
+        check_ranges_of({**CONFIG, **values})
+
+
+def test_names_that_are_some_pass():
+    lists = {"formats": ["hdf5"], "modes": ["stochastic"], "mode": "stochastic", "kinds": ["noisy"]}
+    check_ranges_of({**CONFIG, **lists, "demonstrations": {"kind": "plain", "may_differ": ["snap"]}})
+    assert tuple(episodes.MODES) == ranges.MODES
