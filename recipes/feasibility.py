@@ -6,7 +6,8 @@
 
 F learns from every start of the next skill and what came of it, failures too: those in trials of the chain, and those
 in the next skill's own turns. Its label is whether the next skill succeeded, or the share of the rest of the chain that
-was then done. With hard_starts, that share of chained starts is drawn where F expects the skill itself to fail.
+was then done. With hard_starts, that share of chained starts is drawn where another classifier, of the skill's own
+outcomes, expects it to fail; it learns in the skill's own turn, so those before the first update are drawn uniformly.
 Control: `policy_sequencing.py` with the constant bonus that F paid on average.
 """
 
@@ -22,12 +23,12 @@ def main(config: DictConfig) -> None:
     learning = rl.settings(rl.LabelledSettings, config.feasibility)
     for turn in rl.chain_turns(config):
         skill, following, later = turn.skill, turn.following, None
-        if config.hard_starts:
-            own = rl.FeasibilityReward(skill.network("feasibility", learning.floor))
-            turn.begin_where_it_fails(own.said, config.hard_starts)
         update_policy = turn.policy_update()
         update_f_phi = turn.discriminator_update("f_phi", skill, f_phi, expert=1.0, agent=-1.0)
         terms = {"gail": rl.GAILReward(skill.f_phi)}
+        if config.hard_starts:
+            update_own = turn.labelled_update("own_feasibility", skill, rl.outcome_loss, learning)
+            own = rl.FeasibilityReward(skill.network("own_feasibility"))
         if following:
             update_f = turn.labelled_update("feasibility", following, rl.outcome_loss, learning)
             f = rl.FeasibilityReward(following.network("feasibility"), **config.terminal_reward)
@@ -40,6 +41,9 @@ def main(config: DictConfig) -> None:
             if following:
                 log |= update_f(following.outcomes.observations(), following.outcomes.labels(config.label))
             skill.outcomes.add(*turn.outcomes(rollout, later))
+            if config.hard_starts:
+                log |= update_own(skill.outcomes.observations(), skill.outcomes.labels("success"))
+                turn.begin_where_it_fails(own.said, config.hard_starts)
             log |= update_policy(reward(rollout), turn.progress)
             turn.log(rollout, log)
 

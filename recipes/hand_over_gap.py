@@ -35,7 +35,7 @@ from tstar_rl.config.load import recipe
 from tstar_rl.config.seams import chain_of, env_at_seam
 from tstar_rl.env.task_tables import part_names
 from tstar_rl.rollouts.episodes import run_episodes
-from tstar_rl.rollouts.hand_overs import HandOvers, Seam
+from tstar_rl.rollouts.hand_overs import HandOver, HandOvers
 from tstar_rl.rollouts.state_sets import TerminationSet
 from tstar_rl.runs.csv_tables import append_rows
 from tstar_rl.seams.exchange import run_from
@@ -87,7 +87,7 @@ def _own_successes(config: DictConfig, index: int, skill: Skill) -> int:
     return int(last["next", "success"].sum())
 
 
-def _run_chain(config: DictConfig, skills: Sequence[Skill]) -> tuple[np.ndarray, list[Seam]]:
+def _run_chain(config: DictConfig, skills: Sequence[Skill]) -> tuple[np.ndarray, list[HandOver]]:
     """Progress of each episode of the whole chain, and its seams; always from the same starts."""
     number, links = config.evaluation.whole_episodes, len(skills)
     env = environment(config, None, number, evaluation_seed(config.seed, "chain"))
@@ -114,7 +114,7 @@ def _columns(name: str, found: Interval) -> dict[str, float]:
 
 
 def _seam_row(
-    seam: Seam, parts: Sequence[str], influence: Influence | None, split_by: str | None
+    seam: HandOver, parts: Sequence[str], influence: Influence | None, split_by: str | None
 ) -> dict[str, Any]:
     """What a skill is handed, how well that tells its outcome, by what, and how much the skill before decides."""
     won = seam.succeeded

@@ -3,8 +3,8 @@
     python recipes/hand_over_value.py task=table_lack scale=laptop seed=0
 
 The critic counts only as far as it is sure: (1 - min(alpha A^2, 1)) V, with A its temporal difference error. That error
-is seen in the next skill's own turns, in the first step of every episode, where a small network learns it. Before the
-next skill's first turn it is not known, and the critic is trusted; `chain.order=backward` begins with the last skill.
+is seen in the next skill's own turns, in the first step of every episode, where a small network learns it. Until such a
+turn was kept it is not known, and the critic is trusted; `chain.order=backward` begins with the last skill.
 Control: `policy_sequencing.py` with the constant bonus that this paid on average.
 """
 
@@ -31,7 +31,7 @@ def main(config: DictConfig) -> None:
         update_f_phi = turn.discriminator_update("f_phi", skill, f_phi, expert=1.0, agent=-1.0)
         update_error = turn.labelled_update("value_error", skill, rl.squared_error_loss, learning)
         if following:
-            error = following.networks.get("value_error")
+            error = turn.learned("value_error", following)
             scale = rl.value_scale(following, config.value_scale)
             signal = rl.HandOverValueReward(
                 rl.StateValue(following), error, config.alpha, scale, **config.terminal_reward

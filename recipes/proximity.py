@@ -18,7 +18,7 @@ def main(config: DictConfig) -> None:
     """As T-STAR, with a dense reward along the episode in the place of one at its end."""
     if config.chain.path_steps < 1:
         raise InvalidValueError(
-            "P learns from the ends of episodes: chain.path_steps must be at least 1, got 0"
+            f"P learns from the ends of episodes: chain.path_steps must be at least 1, got {config.chain.path_steps}"
         )
     f_phi = rl.settings(rl.DiscriminatorSettings, config.f_phi)
     mixture = rl.settings(rl.RewardMixture, config.reward)

@@ -116,7 +116,10 @@ def test_starts_of_the_next_skills_turns_join_its_outcomes(point_chain, monkeypa
 
 
 def test_hard_starts_are_those_where_f_expects_failure(point_chain, monkeypatch):
-    """Skill 1 fails at y < 0. In its second turn F knows, and its chained episodes begin there more often."""
+    """Skill 1 fails at y < 0. Its own classifier comes to know, and chained episodes begin there more often.
+
+    In a single turn of skill 1, so that nothing of it was learned in a turn of skill 0.
+    """
     began = {}
     log = Turn.log
 
@@ -130,12 +133,16 @@ def test_hard_starts_are_those_where_f_expects_failure(point_chain, monkeypatch)
     values = (
         *TWO,
         "chain.trial_every=100",
+        "chain.order=backward",
+        "chain.rounds=1",
+        "chain.steps_per_turn=4096",
         "reward.weights.tsr=0",
         *OWN["feasibility"],
         "feasibility.steps=256",
     )
     for share in (0.0, 1.0):
-        point_chain("feasibility", *values, f"hard_starts={share}", f"system=hard_{share}")
+        table = point_chain("feasibility", *values, f"hard_starts={share}", f"system=hard_{share}")
+        assert ("own_feasibility_loss" in table) == bool(share)
     assert began[0.0][-1] < 0.65 and began[1.0][-1] > 0.85
 
 
@@ -147,6 +154,22 @@ def test_a_critics_error_is_learned_in_its_own_turn_and_doubts_it_in_the_next(po
     rows = states(1.2, [0.5, -0.5])
     with torch.no_grad():
         assert skill.networks["value_error"](rows).shape == StateValue(skill)(rows).shape == (2, 1)
+
+
+@pytest.mark.parametrize(("margin", "known"), [(10.0, True), (-10.0, False)])
+def test_an_error_that_a_rejected_turn_has_learned_is_not_known(point_chain, monkeypatch, margin, known):
+    """Skill 1's turn comes first. Put back, it leaves a network that has learned nothing."""
+    found, learned = [], Turn.learned
+
+    def watched(turn, name, skill):
+        found.append(learned(turn, name, skill))
+        return found[-1]
+
+    monkeypatch.setattr(Turn, "learned", watched)
+    values = ("chain.links=2", "chain.order=backward", "chain.rounds=1", "chain.steps_per_turn=512")
+    table = point_chain("hand_over_value", *values, "chain.gate=true", f"chain.gate_margin={margin}")
+    assert table.accepted.dropna().tolist() == [int(known)] * 2
+    assert [error is not None for error in found] == [known]
 
 
 def test_both_sides_train_the_discriminator_of_a_skill(point_chain, monkeypatch):

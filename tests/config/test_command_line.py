@@ -75,6 +75,7 @@ MISTAKES = [
     ("tstar", ["terminal_reward.baseline=mean"], "terminal_reward.baseline must be 'none' or .*, got 'mean'"),
     ("tstar", ["+terminal_reward.momentum=0"], r"terminal_reward.momentum must be in \(0, 1\], got 0"),
     ("tstar", ["reward.weights={env: 0, gail: 0, tsr: 0}"], r"\(reward.weights\) is zero: .*; got \{'env': 0.*"),
+    ("tstar", ["reward.weights={env: 0, gail: 0, tsr: 1}"], r"weights must pay env or gail: the last .*reward_tsr"),
     ("tstar", ["+reward.scales.foo=1"], "reward.scales has foo, which reward.weights has not; it has env, gail, tsr"),
     ("policy_sequencing", ["bonus=2"], r"bonus must be in \[0, 1\], got 2"),
     ("floored", ["floor=0"], "floor must be positive, got 0"),

@@ -17,7 +17,7 @@ from tstar_rl.chaining.skill import NetworkSettings, Skill
 from tstar_rl.launch.cluster import run_on_cluster
 from tstar_rl.rollouts.cluster import ClusterSettings, connect
 from tstar_rl.rollouts.collection import Collection, with_starts
-from tstar_rl.rollouts.ray_collection import RayCollection, Worker
+from tstar_rl.rollouts.ray_collection import RayCollection, Worker, _make
 from tstar_rl.rollouts.starts import make_starts
 from tstar_rl.rollouts.state_sets import TerminationSet
 from tstar_rl.updates import PolicyUpdate, PPOSettings
@@ -130,6 +130,16 @@ def test_starts_are_those_of_the_set_as_it_is(collect):
     assert rollout["step_count"][:, -1].max() < 6
     distance = torch.cdist(began[:, 29:64].double(), known[:, 29:64].double()).amin(1)
     assert float(distance.max()) < 1e-3, "an episode began elsewhere than in the set"
+
+
+def test_a_workers_first_starts_are_those_of_the_set_too():
+    """A collector resets its simulations when it is made, before the first rollout brings the set."""
+    env = FurnitureEnv("table_lack", 4, 0, 1, seed=5, snapshots=True)
+    before = TerminationSet(16)
+    before.extend(env.rollout(1)[:, -1].select("observation", "snapshot"))
+    starts = _make(lambda num_envs, seed, states: states, 2, 0, before.capacity, before.state_dict())
+    assert torch.equal(starts.all()["observation"], before.all()["observation"]) and len(starts) == 4
+    assert _make(lambda num_envs, seed, states: states, 2, 0, None, None) is None
 
 
 @pytest.mark.slow

@@ -32,7 +32,6 @@ def repeat(latent, observation, step):
 # name: (how to make it, what it writes below "next", whether loose steps will do)
 TRANSFORMS = {
     "GAILReward": (lambda: GAILReward(Slot()), "reward_gail", True),
-    "GAILReward next": (lambda: GAILReward(Slot(), state="next"), "reward_gail", True),
     "TerminalStateReward": (lambda: TerminalStateReward(Slot()), "reward_tsr", True),
     "TerminalStateReward before": (lambda: TerminalStateReward(Slot(), score="before"), "reward_tsr", True),
     "FeasibilityReward": (lambda: FeasibilityReward(Slot()), "reward_tsr", True),

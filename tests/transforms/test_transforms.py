@@ -37,7 +37,6 @@ def steps(observation, following, success=(False, False), **rewards):
 def test_gail_reward_of_either_state():
     batch = steps([0.0, 1.0], [3.0, 2.0])
     assert_close(GAILReward(Slot())(batch)["next", "reward_gail"], torch.tensor([[0.75], [1.0]]))
-    assert_close(GAILReward(Slot(), "next")(batch)["next", "reward_gail"], torch.tensor([[0.0], [0.75]]))
 
 
 def test_terminal_state_reward_is_paid_on_success_alone():
@@ -168,7 +167,6 @@ def test_draws_resume_from_the_state_dict():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: GAILReward(Slot(), state="last"), "'current' or 'next', got 'last'"),
         (lambda: TerminalStateReward(Slot(), score="mean"), "'terminal' or 'before', got 'mean'"),
         (lambda: TerminalStateReward(Slot(), baseline="mean"), "'none' or 'running_mean', got 'mean'"),
         (lambda: TerminalStateReward(Slot(), momentum=0.0), r"\(0, 1\], got 0.0"),

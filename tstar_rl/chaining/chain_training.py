@@ -65,6 +65,7 @@ class ChainTraining:
         gate: judges each turn.
         save: writes the chain under a name, at a number of steps.
         turn_order: says whose turn it is.
+        learned: labelled networks that a turn has trained and that were not put back, as "<index>/<name>".
     """
 
     skills: Sequence[Skill]
@@ -77,6 +78,7 @@ class ChainTraining:
     gate: Gate
     save: Callable[[str, int], None] = lambda name, steps: None
     turn_order: TurnOrder = field(init=False)
+    learned: set[str] = field(default_factory=set)
     _kept: dict[int, dict[str, Any]] = field(default_factory=dict)
     _waiting: dict[str, Any] = field(default_factory=dict)
     """States of what a resumed run has not made yet, as "<index>/<name>"."""
@@ -96,10 +98,13 @@ class ChainTraining:
     def keep_outcomes(self, trial: Trial, rejected: int | None = None) -> None:
         """Adds what a trial tells of all starts, failed ones too, and of the states on the way to them.
 
+        What did not change since the trial before is added again: its starts weigh more, with the share of the chain
+        that follows them now.
+
         Args:
             trial: of the chain.
-            rejected: the skill whose turn was put back after this trial. What it and those before it led to is then not
-                what they lead to now, and is left out; the skills after it are as they were.
+            rejected: the skill whose turn was put back after this trial. That skill, and those before it, are not the
+                chain that was tried any more, so what the trial tells of them is left out.
         """
         for index, (skill, found) in enumerate(zip(self.skills, trial.skills, strict=True)):
             if rejected is not None and index <= rejected:
@@ -155,9 +160,11 @@ class ChainTraining:
             for index, kept in self._kept.items()
             for name, each in kept.items()
         }
-        return {"carried": {**self._waiting, **made}, "turn_order": self.turn_order.state_dict()}
+        state = {"carried": {**self._waiting, **made}, "turn_order": self.turn_order.state_dict()}
+        return state | {"learned": sorted(self.learned)}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """What `state_dict` gave; each is loaded when its turn comes."""
         self._waiting = dict(state["carried"])
         self.turn_order.load_state_dict(state["turn_order"])
+        self.learned = set(state.get("learned", ()))

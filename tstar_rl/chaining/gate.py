@@ -57,9 +57,9 @@ class Judgement:
 class Gate:
     """Tries the chain after a turn, always from the same starts, and puts the turn back if the chain got worse.
 
-    The trial of the chain that goes on is the one before the next turn, and is not run twice; nor are the skills before
-    the one that was trained. One that is not in memory, as at first and after a run was killed, is run with the chain
-    as it was before the turn.
+    The last trial of the chain as it goes on is compared with that after the next turn, so it is not run twice. Nor are
+    the skills before the one that was trained, which do what they did. Where there is no such trial, at first and after
+    a run was killed, the chain is tried as it was before the turn.
 
     Args:
         settings: see `GateSettings`.

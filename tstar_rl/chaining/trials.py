@@ -108,7 +108,8 @@ class _Notes:
             self.path.add(step["observation"], self.running)
         reached: Tensor = step["next", "observation"]
         self.path.add(reached, self.running)
-        made = self.running & (step["next", "subtask"].squeeze(-1) > self.skill)
+        sound = ~step["next", "terminated"].squeeze(-1) | step["next", "success"].squeeze(-1)
+        made = self.running & sound & (step["next", "subtask"].squeeze(-1) > self.skill)
         self.running &= ~(made | step["next", "done"].squeeze(-1))
         if bool(made.any()):
             end = {

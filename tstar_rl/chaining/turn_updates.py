@@ -13,6 +13,7 @@ from tstar_rl.chaining.signals import Signal, critic_errors, outcomes_of
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.chaining.training import Distance, Training
 from tstar_rl.checks import InvalidValueError
+from tstar_rl.models.networks import Discriminator
 from tstar_rl.rollouts.labels import Label
 from tstar_rl.rollouts.ray_collection import RayCollection
 from tstar_rl.signal_equations import start_weights
@@ -54,6 +55,7 @@ class TurnUpdates(Training):
         seam: the skills whose states d_omega is trained on in this turn; None where there is no such seam.
         seams: that with the skill before and that with the next skill, those that there are.
         signals: by name, what pays this turn and is judged at its end, and by which label; see `signal`.
+        teaches: the networks of this turn's labelled updates, as in `ChainTraining.learned`.
     """
 
     def __init__(self, chain: ChainTraining, index: int, seed: int) -> None:
@@ -73,6 +75,7 @@ class TurnUpdates(Training):
         around = [each for each in (previous, self.skill, self.following) if each is not None]
         self.seams = [Seam(*both) for both in pairwise(around)]
         self.signals: dict[str, tuple[Signal, Label]] = {}
+        self.teaches: set[str] = set()
 
     def discriminator_update(
         self, name: str, skill: Skill, settings: DiscriminatorSettings, **labels: float
@@ -87,8 +90,13 @@ class TurnUpdates(Training):
         self, name: str, skill: Skill, distance: Distance, settings: LabelledSettings
     ) -> LabelledUpdate:
         """See `Training`; where a chain carries over, that of the skill's last turn goes on."""
+        self.teaches.add(f"{skill.subtask}/{name}")
         known = self._known(name, skill)
         return known or self._keep(f"update_{name}", super().labelled_update(name, skill, distance, settings))
+
+    def learned(self, name: str, skill: Skill) -> Discriminator | None:
+        """A skill's network that a turn before has trained with a `labelled_update` and that was kept; else None."""
+        return skill.network(name) if f"{skill.subtask}/{name}" in self.chain.learned else None
 
     def policy_update(self) -> PolicyUpdate:
         """See `Training`; where a chain carries over, that of the skill's last turn goes on."""
@@ -158,7 +166,9 @@ class TurnUpdates(Training):
         torch.manual_seed(self.seed)
 
     def begin_where_it_fails(self, expected: Callable[[Tensor], Tensor], share: float) -> None:
-        """Draws a share of the chained starts by how little is expected of the skill there, in this turn.
+        """Draws a share of the chained starts by how little is expected of the skill there, from now on in this turn.
+
+        Episodes that run already, each simulation's first among them, began before.
 
         Args:
             expected: observations (n, O) -> (n, 1) in [0, 1], how likely the skill is to succeed from there.

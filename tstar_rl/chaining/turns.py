@@ -58,6 +58,8 @@ class Turn(TurnUpdates):
             tried=lambda trial: found.update(self._say_how_the_next_does(trial)),
         )
         self.chain.turn_order.note(judgement.kept, self.index, judgement.accepted is not False)
+        if judgement.accepted is not False:
+            self.chain.learned |= self.teaches
         if judgement.after is not None:
             self.chain.keep_outcomes(judgement.after, self.index if judgement.accepted is False else None)
         return judgement.row(self.index) | found

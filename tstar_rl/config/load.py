@@ -123,5 +123,15 @@ def _check_what_the_library_declares(values: dict[str, Any]) -> None:
         raise ConfigError(str(error)) from error
     if shares := find(values, "chain.starts"):
         check_shares(shares)
-    RewardMixture(**values["reward"])  # both say what is wrong with their section
+    mixture = RewardMixture(**values["reward"])  # both say what is wrong with their section
     TerminalStateReward(nn.Identity(), **values["terminal_reward"])
+    _check_the_last_skill_is_paid(mixture.effective_weights())
+
+
+def _check_the_last_skill_is_paid(paid: dict[str, float]) -> None:
+    """Raises ConfigError if only what a next skill says is paid: the last skill would have nothing to learn from."""
+    if not any(paid.get(f"reward_{term}") for term in ("env", "gail")):
+        raise ConfigError(
+            "reward.weights must pay env or gail: the last skill has no next one, so the other terms pay it nothing; "
+            f"got {paid} with scales and reward_scale in it"
+        )

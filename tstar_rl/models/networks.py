@@ -26,7 +26,6 @@ from tstar_rl.models.state_input import StateInput
 __all__ = [
     "Discriminator",
     "GaussianHead",
-    "action_std",
     "make_discriminator",
     "make_policy",
     "make_value",
@@ -146,11 +145,6 @@ def set_action_std(policy: nn.Module, action_std: float | Sequence[float] | Tens
             "the deviation of this policy is learned (std='state'): set_action_std needs std='fixed'"
         )
     head.set_std(action_std)
-
-
-def action_std(policy: nn.Module) -> Tensor:
-    """The exploration deviation of a policy with std="fixed" ("state": at a zero output), (A,), a copy."""
-    return _head(policy).std.clone()
 
 
 def make_value(

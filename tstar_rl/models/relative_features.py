@@ -48,9 +48,10 @@ class RelativeFeatures(nn.Module):
       the target's up axis (sine positive: a positive turn about up aligns it);
     - [20:32] e_grasp and e_connect in the world, then e_grasp in the grasp frame and e_connect in the target
       connector's frame, over 0.25 m; [32:44] tanh of them over 0.05 m; [44:56] tanh of them over 0.01 m;
-    - [56:59] the turn, as axis times sine in the world, that lays the fingers' line along the grasp's (either way
-      round); [59:62] that which aligns the connectors, and [62:65] the same in the target connector's frame;
-      [65:68] the hand's z axis in the world, in which it approaches; [68:80] tanh of these twelve over 0.1;
+    - [56:59] the turn, as axis times sine times cosine in the world, that lays the fingers' line along the grasp's
+      (either way round; 0 at a right angle too); [59:62] that which aligns the connectors, as axis times sine, and
+      [62:65] the same in the target connector's frame; [65:68] the hand's z axis in the world, in which it approaches;
+      [68:80] tanh of these twelve over 0.1;
     - [80:89] tanh of the hand's nine cosines over 0.1: those that should vanish are seen to a degree.
 
     Args:

@@ -6,10 +6,10 @@ import torch
 from tensordict import TensorDictBase
 from torch import Tensor
 
-__all__ = ["HandOvers", "Seam"]
+__all__ = ["HandOver", "HandOvers"]
 
 
-class Seam(NamedTuple):
+class HandOver(NamedTuple):
     """The states in which one skill of a chain ended and the next began."""
 
     subtask: int
@@ -49,7 +49,7 @@ class HandOvers:
             states[rows] = found[rows]
         self._completed = torch.maximum(self._completed, after)
 
-    def seams(self) -> list[Seam]:
+    def seams(self) -> list[HandOver]:
         """One for each pair of neighbouring skills, in order; a seam that no episode reached has no states.
 
         Raises:
@@ -60,5 +60,5 @@ class HandOvers:
         found = []
         for subtask, states in enumerate(self._states, start=1):
             came = self._completed >= subtask
-            found.append(Seam(subtask, states[came], self._completed[came] > subtask))
+            found.append(HandOver(subtask, states[came], self._completed[came] > subtask))
         return found

@@ -57,11 +57,17 @@ class Worker(Collector):
         return counts_of(self.env)
 
 
-def _make(make: Callable[..., TransformedEnv], num_envs: int, seed: int, capacity: int | None):
-    """A worker's environment, with an empty set for its starts: each rollout brings what is in it."""
+def _make(
+    make: Callable[..., TransformedEnv], num_envs: int, seed: int, capacity: int | None, starts: Any
+) -> TransformedEnv:  # fmt: skip
+    """A worker's environment, whose first starts are of a set's state; each rollout brings the set as it is then."""
     torch.set_num_threads(1)
     logging.getLogger("torchrl").setLevel(logging.WARNING)
-    return make(num_envs, seed, None if capacity is None else TerminationSet(capacity))
+    if capacity is None:
+        return make(num_envs, seed, None)
+    before = TerminationSet(capacity)
+    before.load_state_dict(starts)
+    return make(num_envs, seed, before)
 
 
 class RayCollection:
@@ -99,10 +105,11 @@ class RayCollection:
 
         self.policy, self.before, self.seed, self.rollouts = policy, before, seed, 0
         self.device = next(policy.parameters()).device
-        share, capacity = num_envs // workers, None if before is None else before.capacity
+        share = num_envs // workers
+        starts = (None, None) if before is None else (before.capacity, before.state_dict())
         seeds = [derive_seed(seed, "train", index) for index in range(workers)]
         self.collector = RayCollector(
-            [partial(_make, make, share, one, capacity) for one in seeds],
+            [partial(_make, make, share, one, *starts) for one in seeds],
             deepcopy(policy),
             collector_class=Worker,
             collector_kwargs={name: COLLECTOR[name] for name in COLLECTOR if name != "total_frames"},

@@ -39,8 +39,8 @@ class TerminalStateReward(RewardTransform):
         d_omega: of the *next* skill, (..., O) -> (..., 1), raw. Only read.
         score: "terminal" scores the state reached, s_T, which the next skill starts from (the paper);
             "before" the state in which the last action was taken.
-        baseline: "none" (the paper), or "running_mean" to subtract the mean score of the successes so far, these
-            included, so that only what tells one success from another is paid, not success itself.
+        baseline: "none" (the paper), or "running_mean" to subtract an exponential mean of the scores of
+            successes, these included, so that only what tells one success from another is paid, not success itself.
         momentum: weight of one success in the running mean.
 
     Raises:
@@ -89,7 +89,7 @@ class TerminalStateReward(RewardTransform):
         return self.network(obs)
 
     def _update_mean(self, scores: Tensor) -> None:
-        """Moves the mean towards scores (n, 1) as n successes one after another would; the first sets it."""
+        """Moves the mean towards that of scores (n, 1), with the weight of n successes; the first of all set it."""
         n = scores.shape[0]
         weight = 1.0 if self.successes == 0 else 1.0 - (1.0 - self.momentum) ** n
         self.mean.lerp_(scores.mean().to(self.mean.device), weight)

@@ -28,8 +28,8 @@ class LabelledSettings:
     noise: float = 0.1
     """Deviation of what is added to the normalised observations in training."""
     floor: float | None = None
-    """None: the network reads what the policy does whose outcomes it learns. A number: it standardises its input by the
-    states that it learns from, with deviations floored at this, in the units of the observation."""
+    """None: the network uses the normaliser of the skill whose outcomes it learns. A number: it standardises its input
+    by the states that it learns from, with deviations floored at this, in the units of the observation."""
 
     def __post_init__(self) -> None:
         check_ranges(

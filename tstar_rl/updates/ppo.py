@@ -34,7 +34,8 @@ class PPOSettings:
     critic_learning_rate: float | None = None
     """None: the actor's."""
     linear_decay: bool = True
-    """Rates fall with the progress after a rollout: of n updates the first has 1 - 1 / n of them, the last none."""
+    """Rates fall in a line, by the progress after a rollout: with n updates the first one has the share 1 - 1 / n, and
+    the last one a rate of 0, so that it changes nothing."""
     clip_epsilon: float = 0.2
     entropy_coeff: float = 0.003
     critic_coeff: float = 0.5
