@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import mujoco
 
+from tstar_envs.furniture.errors import FurnitureError
 from tstar_envs.furniture.schema import Furniture, Part
 from tstar_envs.furniture.shapes import Box, Capsule, Cylinder
 from tstar_envs.robots import sawyer
@@ -29,7 +30,11 @@ _TARGET_COLOUR = (0.93, 0.9, 0.84, 1)
 
 
 def build_spec(furniture: Furniture) -> mujoco.MjSpec:
-    """Returns the editable scene: floor, robot, parts, welds, sensors, camera and light."""
+    """Returns the editable scene: floor, robot, parts, welds, sensors, camera and light.
+
+    Raises:
+        FurnitureError: a part has a name that the robot or the world has.
+    """
     spec = mujoco.MjSpec()
     spec.modelname = furniture.name
     spec.compiler.degree = False
@@ -43,6 +48,7 @@ def build_spec(furniture: Furniture) -> mujoco.MjSpec:
         **floor,
     )
     sawyer.add_sawyer(spec)
+    _check_names(spec, furniture)
     targets = {step.target_part for step in furniture.steps}
     for i, part in enumerate(furniture.parts):
         colour = _TARGET_COLOUR if part.name in targets else _PART_COLOURS[i % len(_PART_COLOURS)]
@@ -56,7 +62,7 @@ def build_spec(furniture: Furniture) -> mujoco.MjSpec:
 
 
 def build_model(furniture: Furniture) -> mujoco.MjModel:
-    """Compiles the scene of `furniture`."""
+    """Compiles the scene of `furniture`; raises what `build_spec` does."""
     return build_spec(furniture).compile()
 
 
@@ -75,6 +81,16 @@ def scene_xml(furniture: Furniture) -> str:
             body.ipos, body.iquat = model.body(body.name).ipos, model.body(body.name).iquat
     spec.compile()
     return spec.to_xml()
+
+
+def _check_names(spec: mujoco.MjSpec, furniture: Furniture) -> None:
+    taken = {one.name for one in (*spec.bodies, *spec.joints)} - {""}
+    for part in furniture.parts:
+        if part.name in taken:
+            others = ", ".join(sorted(taken))
+            raise FurnitureError(
+                f"parts.{part.name}: the scene has this name; call the part otherwise, and not {others}"
+            )
 
 
 def _set_options(spec: mujoco.MjSpec) -> None:

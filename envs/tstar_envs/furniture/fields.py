@@ -1,4 +1,7 @@
-"""Fields of a furniture file: each is read with its type and bounds; an error names where it stands."""
+"""Fields of a furniture file: each is read with its type; an error names where it stands.
+
+What the values may be, a piece checks itself when it is made: see `rules` and `schema`.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +11,9 @@ from typing import Any
 import yaml
 
 from tstar_envs.furniture.errors import FurnitureError, did_you_mean
+from tstar_envs.furniture.rules import check_lengths, check_number, short
 
 _MISSING: Any = object()
-MAX_LENGTH = 2.0
-"""m: nothing further away or larger can be reached, or is furniture."""
-MIN_SIZE = 1e-4
-"""m: the least half-size or radius."""
 
 
 class Fields:
@@ -21,7 +21,7 @@ class Fields:
 
     def __init__(self, data: Any, where: str):
         if not isinstance(data, dict):
-            raise FurnitureError(f"{where or 'the file'}: got {_short(data)}, expected a mapping")
+            raise FurnitureError(f"{where or 'the file'}: got {short(data)}, expected a mapping")
         self.data, self.where, self.known = data, where, set()
 
     def at(self, key: str) -> str:
@@ -34,58 +34,34 @@ class Fields:
             raise FurnitureError(f"{self.at(key)}: is missing")
         return value
 
-    def number(
-        self, key: str, default: Any = _MISSING, positive: bool = False, least: float = -math.inf,
-        most: float = math.inf,
-    ) -> float:  # fmt: skip
+    def number(self, key: str, default: Any = _MISSING) -> float:
         value = self.get(key, default)
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-            raise FurnitureError(f"{self.at(key)}: got {_short(value)}, expected a finite number")
-        if positive and value <= 0:
-            raise FurnitureError(f"{self.at(key)}: got {value}, expected a positive number")
-        if not least <= value <= most:
-            valid = f"from {least:g} to {most:g}" if math.isfinite(least) else f"of at most {most:g}"
-            raise FurnitureError(f"{self.at(key)}: got {value:g}, expected a number {valid}")
+        check_number(self.at(key), value)
         return float(value)
 
     def index(self, key: str, default: int) -> int:
         value = self.get(key, default)
         if isinstance(value, bool) or not isinstance(value, int) or value < 0:
-            raise FurnitureError(f"{self.at(key)}: got {_short(value)}, expected a whole number from 0")
+            raise FurnitureError(f"{self.at(key)}: got {short(value)}, expected a whole number from 0")
         return value
 
     def text(self, key: str) -> str:
         value = self.get(key)
         if not isinstance(value, str) or not value:
-            raise FurnitureError(f"{self.at(key)}: got {_short(value)}, expected a name")
+            raise FurnitureError(f"{self.at(key)}: got {short(value)}, expected a name")
         return value
 
     def numbers(self, key: str, count: int | None, default: Any = _MISSING) -> Any:
         value = self.get(key, default)
         expected = f"a list of {count} numbers" if count else "a list of numbers"
         if not isinstance(value, (list, tuple)) or (len(value) != count if count else not value):
-            raise FurnitureError(f"{self.at(key)}: got {_short(value)}, expected {expected}")
+            raise FurnitureError(f"{self.at(key)}: got {short(value)}, expected {expected}")
         return tuple(Fields({key: item}, self.where).number(key) for item in value)
 
     def lengths(self, key: str, count: int, default: Any = _MISSING) -> Any:
         """Returns lengths or positions in m, none of them further than `MAX_LENGTH`."""
         value = self.numbers(key, count, default)
-        if max(map(abs, value)) > MAX_LENGTH:
-            raise FurnitureError(
-                f"{self.at(key)}: got {_short(list(value))}, expected lengths in m, none beyond {MAX_LENGTH:g}"
-            )
-        return value
-
-    def sizes(self, key: str, count: int) -> Any:
-        """Returns half-sizes or a radius in m, between `MIN_SIZE` and `MAX_LENGTH`; `count` 1 is a plain number."""
-        value = self.numbers(key, count) if count > 1 else (self.number(key),)
-        if min(value) <= 0 and count > 1:
-            raise FurnitureError(f"{self.at(key)}: got {list(value)}, expected three positive half-sizes")
-        if min(value) < MIN_SIZE or max(value) > MAX_LENGTH:
-            got = list(value) if count > 1 else value[0]
-            raise FurnitureError(
-                f"{self.at(key)}: got {got}, expected sizes in m from {MIN_SIZE:g} to {MAX_LENGTH:g}"
-            )
+        check_lengths(self.at(key), value)
         return value
 
     def direction(self, key: str, default: Any) -> Any:
@@ -98,19 +74,12 @@ class Fields:
             )
         return value if math.isclose(length, 1.0, abs_tol=1e-6) else tuple(x / length for x in value)
 
-    def choice(self, key: str, valid: tuple[str, ...]) -> str:
-        """Returns one of the words of `valid`, the first where the field is left out."""
-        value = self.get(key, valid[0])
-        if value not in valid:
-            raise FurnitureError(f"{self.at(key)}: got {_short(value)}, {did_you_mean(str(value), valid)}")
-        return value
-
     def name_lists(self, key: str) -> Any:
         """Returns a list of lists of names as tuples; none where the field is left out."""
         value = self.get(key, [])
         rows = value if isinstance(value, list) else [value]
         if not all(isinstance(row, list) and all(isinstance(name, str) for name in row) for row in rows):
-            raise FurnitureError(f"{self.at(key)}: got {_short(value)}, expected a list of lists of names")
+            raise FurnitureError(f"{self.at(key)}: got {short(value)}, expected a list of lists of names")
         return tuple(tuple(row) for row in rows)
 
     def quat(self, key: str) -> Any:
@@ -118,20 +87,24 @@ class Fields:
 
     def pose(self, key: str) -> Any:
         value = self.numbers(key, 7)
-        Fields({key: value[:3]}, self.where).lengths(key, 3)
         return value[:3] + _unit_quat(value[3:], self.at(key))
 
     def children(self, key: str, default: Any = _MISSING) -> list[tuple[str, Fields]]:
-        """Returns (name, fields) of a mapping of mappings, or (index, fields) of a list of them."""
+        """Returns (name, fields) of a mapping of mappings."""
         value = self.get(key, default)
-        if isinstance(value, dict):
-            for name in value:
-                if not isinstance(name, str):
-                    raise FurnitureError(f"{self.at(key)}: got {_short(name)}, expected a name")
-            return [(name, Fields(item, f"{self.at(key)}.{name}")) for name, item in value.items()]
-        if isinstance(value, list):
-            return [(str(i), Fields(item, f"{self.at(key)}[{i}]")) for i, item in enumerate(value)]
-        raise FurnitureError(f"{self.at(key)}: got {_short(value)}, expected a list or a mapping")
+        if not isinstance(value, dict):
+            raise FurnitureError(f"{self.at(key)}: got {short(value)}, expected a mapping of names")
+        for name in value:
+            if not isinstance(name, str):
+                raise FurnitureError(f"{self.at(key)}: got {short(name)}, expected a name")
+        return [(name, Fields(item, f"{self.at(key)}.{name}")) for name, item in value.items()]
+
+    def items(self, key: str, default: Any = _MISSING) -> list[Fields]:
+        """Returns the fields of each mapping of a list of them."""
+        value = self.get(key, default)
+        if not isinstance(value, list):
+            raise FurnitureError(f"{self.at(key)}: got {short(value)}, expected a list")
+        return [Fields(item, f"{self.at(key)}[{i}]") for i, item in enumerate(value)]
 
     def finish(self) -> None:
         """Refuses fields that nobody asked for."""
@@ -142,19 +115,31 @@ class Fields:
                 )
 
 
-def refuse_duplicates(node: yaml.Node | None, where: str) -> None:
-    """Refuses a name that stands twice in a mapping: YAML's reader would keep the last and drop the others."""
+def refuse_odd_names(node: yaml.Node | None, where: str, above: tuple[yaml.Node, ...] = ()) -> None:
+    """Refuses what YAML's reader would take or stumble over.
+
+    That is a name that stands twice in a mapping (the last would be kept), a name that is a list or a mapping, and an
+    alias of what it stands in.
+    """
+    if node in above:
+        raise FurnitureError(f"{where or 'the file'}: is an alias of what it stands in")
+    above = (*above, node) if node is not None else above
     if isinstance(node, yaml.SequenceNode):
         for i, child in enumerate(node.value):
-            refuse_duplicates(child, f"{where}[{i}]")
+            refuse_odd_names(child, f"{where}[{i}]", above)
     elif isinstance(node, yaml.MappingNode):
         seen = set()
         for key, child in node.value:
+            line = key.start_mark.line + 1
+            if not isinstance(key, yaml.ScalarNode):
+                raise FurnitureError(
+                    f"{where or 'the file'}: got a list or a mapping in line {line}, expected a name"
+                )
             at = f"{where}.{key.value}" if where else str(key.value)
             if key.value in seen:
-                raise FurnitureError(f"{at}: stands twice, again in line {key.start_mark.line + 1}")
+                raise FurnitureError(f"{at}: stands twice, again in line {line}")
             seen.add(key.value)
-            refuse_duplicates(child, at)
+            refuse_odd_names(child, at, above)
 
 
 def _unit_quat(quat: tuple[float, ...], where: str) -> tuple[float, ...]:
@@ -165,8 +150,3 @@ def _unit_quat(quat: tuple[float, ...], where: str) -> tuple[float, ...]:
             f"{where}: got quaternion {list(quat)} of length {norm:.3f}, expected (w, x, y, z) of 1"
         )
     return tuple(x / norm for x in quat)
-
-
-def _short(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."

@@ -9,12 +9,10 @@ from pathlib import Path
 import yaml
 
 from tstar_envs.furniture.errors import FurnitureError, did_you_mean
-from tstar_envs.furniture.fields import Fields, refuse_duplicates
+from tstar_envs.furniture.fields import Fields, refuse_odd_names
 from tstar_envs.furniture.schema import (
     ANY_TURN,
-    APPROACHES,
     DOWN,
-    GRASP_FROM,
     Connector,
     Furniture,
     Grasp,
@@ -24,8 +22,6 @@ from tstar_envs.furniture.schema import (
 from tstar_envs.furniture.shapes import Box, Capsule, Cylinder
 
 DATA = Path(__file__).parent / "data"
-MAX_DENSITY = 20_000.0
-"""kg / m^3; gold weighs 19,300."""
 
 
 def names() -> tuple[str, ...]:
@@ -54,19 +50,29 @@ def _load(name: str) -> Furniture:
 
 
 def read(path: Path) -> Furniture:
-    """Reads and checks one furniture file (its schema: `data/table_lack.yaml`, with comments)."""
-    text = path.read_text()
+    """Reads and checks one furniture file (its schema: `data/table_lack.yaml`, with comments).
+
+    Raises:
+        FurnitureError: it is no YAML in UTF-8, or says something that cannot be.
+        OSError: it cannot be read.
+    """
     try:
-        refuse_duplicates(yaml.compose(text, yaml.SafeLoader), "")
+        text = path.read_bytes().decode()
+        refuse_odd_names(yaml.compose(text, yaml.SafeLoader), "")
         return _furniture(Fields(yaml.safe_load(text), ""), path.stem)
-    except (FurnitureError, yaml.YAMLError) as error:
+    except UnicodeDecodeError as error:
+        raise FurnitureError(f"{path.name}: is not text in UTF-8: {error}") from None
+    except (
+        ValueError,
+        yaml.YAMLError,
+    ) as error:  # YAML's reader gives up on some numbers and dates with a ValueError
         raise FurnitureError(f"{path.name}: {error}") from None
 
 
 def _furniture(fields: Fields, name: str) -> Furniture:
     parts = tuple(_part(part, child) for part, child in fields.children("parts"))
-    steps = tuple(_step(child) for _, child in fields.children("steps"))
-    z_finedist = fields.number("z_finedist", positive=True, most=1.0)
+    steps = tuple(_step(child) for child in fields.items("steps"))
+    z_finedist = fields.number("z_finedist")
     pairs = fields.name_lists("no_contact")
     stiff = [
         None if fields.get(key, None) is None else fields.number(key)
@@ -80,28 +86,28 @@ def _part(name: str, fields: Fields) -> Part:
     part = Part(
         name=name,
         initial_pose=fields.pose("initial_pose"),
-        boxes=tuple(_box(child) for _, child in fields.children("boxes", [])),
-        density=fields.number("density", positive=True, most=MAX_DENSITY),
+        boxes=tuple(_box(child) for child in fields.items("boxes", [])),
+        density=fields.number("density"),
         connectors=tuple(_connector(key, name, child) for key, child in fields.children("connectors", {})),
-        grasps=tuple(_grasp(child) for _, child in fields.children("grasps", [])),
-        cylinders=tuple(_round(child, Cylinder) for _, child in fields.children("cylinders", [])),
-        capsules=tuple(_round(child, Capsule) for _, child in fields.children("capsules", [])),
+        grasps=tuple(_grasp(child) for child in fields.items("grasps", [])),
+        cylinders=tuple(_round(child, Cylinder) for child in fields.items("cylinders", [])),
+        capsules=tuple(_round(child, Capsule) for child in fields.items("capsules", [])),
     )
     fields.finish()
-    if not part.shapes:
-        raise FurnitureError(f"{fields.at('boxes')}: got none, a part needs a box, a cylinder or a capsule")
     return part
 
 
 def _box(fields: Fields) -> Box:
-    box = Box(fields.sizes("size", 3), fields.lengths("pos", 3, default=(0.0, 0.0, 0.0)), fields.quat("quat"))
+    box = Box(
+        fields.numbers("size", 3), fields.numbers("pos", 3, default=(0.0, 0.0, 0.0)), fields.quat("quat")
+    )
     fields.finish()
     return box
 
 
 def _round(fields: Fields, kind: type[Cylinder]) -> Cylinder:
-    (radius,), (half_length,) = fields.sizes("radius", 1), fields.sizes("half_length", 1)
-    shape = kind(radius, half_length, fields.lengths("pos", 3, default=(0.0, 0.0, 0.0)), fields.quat("quat"))
+    radius, half_length = fields.number("radius"), fields.number("half_length")
+    shape = kind(radius, half_length, fields.numbers("pos", 3, default=(0.0, 0.0, 0.0)), fields.quat("quat"))
     fields.finish()
     return shape
 
@@ -110,7 +116,7 @@ def _connector(name: str, part: str, fields: Fields) -> Connector:
     connector = Connector(
         name,
         part,
-        fields.lengths("pos", 3),
+        fields.numbers("pos", 3),
         fields.text("kind"),
         fields.text("mates_with"),
         fields.quat("quat"),
@@ -146,15 +152,15 @@ def _step(fields: Fields) -> Step:
         moving_connector=fields.text("moving_connector"),
         target_connector=fields.text("target_connector"),
         angle=math.radians(fields.number("degrees")),
-        waypoint=fields.lengths("waypoint", 3),
+        waypoint=fields.numbers("waypoint", 3),
         grasp_index=fields.index("grasp", 0),
         grip_angle=fields.direction("grip_angle", DOWN),
-        grasp_from=fields.choice("grasp_from", GRASP_FROM),
-        travel_height=fields.number("travel_height", Step.travel_height, least=0.06, most=0.5),
-        turn_height=fields.number("turn_height", 0.0, least=0.0, most=1.0),
-        approach=fields.choice("approach", APPROACHES),
-        insertion=fields.number("insertion", 0.0, least=0.0, most=0.5),
-        clearance=fields.number("clearance", Step.clearance, positive=True, most=0.1),
+        grasp_from=fields.get("grasp_from", Step.grasp_from),
+        travel_height=fields.number("travel_height", Step.travel_height),
+        turn_height=fields.number("turn_height", Step.turn_height),
+        approach=fields.get("approach", Step.approach),
+        insertion=fields.number("insertion", Step.insertion),
+        clearance=fields.number("clearance", Step.clearance),
     )
     fields.finish()
     return step

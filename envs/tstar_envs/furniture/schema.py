@@ -1,7 +1,8 @@
 """What a piece of furniture is: parts, the connectors on them, and the steps that assemble them.
 
 Lengths in m, angles in rad, quaternions (w, x, y, z) of unit length, poses (x, y, z, w, x, y, z). Everything is
-frozen, and checked when it is made: a `Furniture` that exists is consistent.
+frozen, and checked when it is made, read from a file or built in Python: a `Furniture` that exists has values in their
+bounds and steps that fit together. Whether the robot can assemble it is another question: see `tstar_envs.inspection`.
 
 Source: docs/task.md, "Scene" and "Connection".
 """
@@ -11,6 +12,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from tstar_envs.furniture.consistency import check_furniture
 from tstar_envs.furniture.errors import FurnitureError, did_you_mean
 from tstar_envs.furniture.shapes import IDENTITY, Box, Capsule, Cylinder, Quat, Shape, Vec3
 
@@ -19,8 +21,6 @@ Pose = tuple[float, float, float, float, float, float, float]
 DOWN: Vec3 = (0.0, 0.0, -1.0)
 ANY_TURN = tuple(math.radians(degrees) for degrees in range(0, 360, 10))
 """`allowed_degrees: any`: at most 5 degrees off one of these, a connector counts as forward-aligned."""
-GRASP_FROM = ("above", "back")
-APPROACHES = ("above", "axis")
 
 
 @dataclass(frozen=True)
@@ -134,17 +134,7 @@ class Furniture:
     weld_impedance: float | None = None
 
     def __post_init__(self) -> None:
-        for what, found in (("parts", self.parts), ("steps", self.steps)):
-            if not found:
-                raise FurnitureError(f"{what}: got none, a piece of furniture needs at least one")
-        for i, step in enumerate(self.steps):
-            _check_step(self, step, f"steps[{i}]")
-        for field in ("contact_impedance", "weld_impedance"):
-            value = getattr(self, field)
-            if value is not None and not 0 < value < 1:
-                raise FurnitureError(f"{field}: got {value:g}, expected a number between 0 and 1")
-        for i, pair in enumerate(self.no_contact):
-            _check_pair(self, pair, f"no_contact[{i}]")
+        check_furniture(self)
 
     @property
     def part_names(self) -> tuple[str, ...]:
@@ -175,39 +165,3 @@ def _find(items, name: str, what: str):
         if item.name == name:
             return item
     raise FurnitureError(f"no {what} is called {name!r}: {did_you_mean(name, (item.name for item in items))}")
-
-
-def _check_pair(furniture: Furniture, pair: tuple[str, str], where: str) -> None:
-    if len(pair) != 2 or pair[0] == pair[1]:
-        raise FurnitureError(f"{where}: got {list(pair)}, expected two different parts")
-    for name in pair:
-        try:
-            furniture.part(name)
-        except FurnitureError as error:
-            raise FurnitureError(f"{where}: {error}") from None
-
-
-def _check_step(furniture: Furniture, step: Step, where: str) -> None:
-    try:
-        moving = furniture.part(step.moving_part).connector(step.moving_connector)
-        target = furniture.part(step.target_part).connector(step.target_connector)
-    except FurnitureError as error:
-        raise FurnitureError(f"{where}: {error}") from None
-    if moving.mates_with != target.kind or target.mates_with != moving.kind:
-        raise FurnitureError(
-            f"{where}: connector {moving.part}.{moving.name} ({moving.kind!r}, mates with {moving.mates_with!r}) "
-            f"cannot join {target.part}.{target.name} ({target.kind!r}, mates with {target.mates_with!r})"
-        )
-    if moving.part == target.part:
-        raise FurnitureError(f"{where}: joins part {moving.part!r} to itself, expected two parts")
-    if not any(abs(math.remainder(step.angle - angle, math.tau)) < 1e-6 for angle in moving.allowed_angles):
-        allowed = ", ".join(f"{math.degrees(angle):g}" for angle in moving.allowed_angles)
-        raise FurnitureError(
-            f"{where}.degrees: got {math.degrees(step.angle):g} degrees, "
-            f"connector {moving.part}.{moving.name} allows {allowed}"
-        )
-    grasps = len(furniture.part(step.moving_part).grasps)
-    if not 0 <= step.grasp_index < grasps:
-        raise FurnitureError(
-            f"{where}.grasp: got {step.grasp_index}, part {step.moving_part!r} has {grasps} grasps"
-        )

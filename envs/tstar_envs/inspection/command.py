@@ -25,12 +25,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     asked = _parser().parse_args(arguments)
     try:
         furniture = _read(asked.file)
+        if asked.command == "draw":
+            return _draw(furniture, asked.picture, small=True)
+        return _check(furniture, asked)
     except (FurnitureError, OSError) as error:
         print(f"WRONG     {error}")
         return 1
-    if asked.command == "draw":
-        return _draw(furniture, Path(asked.picture), small=True)
-    return _check(furniture, asked)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -42,12 +42,24 @@ def _parser() -> argparse.ArgumentParser:
         "check", help="say what is wrong or doubtful, draw the piece, try the script on it"
     )
     check.add_argument("file", help="a furniture file, or the name of a piece in the library")
-    check.add_argument("--picture", help="where the PNG goes; by default beside you, <name>.png")
-    check.add_argument("--episodes", type=int, default=20, help="scripted episodes of each step; 0: none")
+    check.add_argument("--picture", type=_png, help="where the PNG goes; by default beside you, <name>.png")
+    check.add_argument("--episodes", type=_number, default=20, help="scripted episodes of each step; 0: none")
     draw = commands.add_parser("draw", help="a small picture: the start and the assembled piece")
     draw.add_argument("file")
-    draw.add_argument("picture")
+    draw.add_argument("picture", type=_png)
     return parser
+
+
+def _png(name: str) -> Path:
+    if Path(name).suffix.lower() != ".png":
+        raise argparse.ArgumentTypeError(f"a picture is a file that ends in .png, got {name!r}")
+    return Path(name)
+
+
+def _number(text: str) -> int:
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"must be a whole number from 0, got {text!r}")
+    return int(text)
 
 
 def _read(file: str) -> Furniture:
@@ -62,7 +74,7 @@ def _check(furniture: Furniture, asked: argparse.Namespace) -> int:
         print(finding)
     if not findings:
         print("nothing is wrong or doubtful")
-    _draw(furniture, Path(asked.picture or f"{furniture.name}.png"), small=False)
+    _draw(furniture, asked.picture or Path(f"{furniture.name}.png"), small=False)
     wrong = any(finding.wrong for finding in findings)
     if asked.episodes > 0:
         wrong |= not _try_out(furniture, asked.episodes)

@@ -74,13 +74,6 @@ def _unused(workshop: Workshop) -> Iterator[tuple[bool, str, str]]:
     for part in workshop.furniture.parts:
         if part.name not in used:
             yield False, f"parts.{part.name}", "no step joins it to anything"
-    for i, step in enumerate(steps):
-        if workshop.furniture.part_index(step.target_part) in workshop.group(i):
-            yield (
-                True,
-                f"steps[{i}]",
-                f"{step.moving_part} and {step.target_part} are one piece by then, joined by the steps before",
-            )
 
 
 def _starts(workshop: Workshop) -> Iterator[tuple[bool, str, str]]:

@@ -1,5 +1,7 @@
 """What a wrong furniture file is told: the file, the field, what was got and what is valid."""
 
+from dataclasses import replace
+
 import pytest
 from chair_file import put
 
@@ -128,6 +130,22 @@ def test_unknown_furniture_is_told_the_nearest_name():
             lambda d: put(d, "steps", 0, "target_part", "side"),
             r"steps\[0\]: no connector of part 'side' is called 'left'",
         ),
+        (
+            lambda d: put(d, "steps", {"first": d["steps"][0]}),
+            r"steps: got {'first': .*, expected a list",
+        ),
+        (
+            lambda d: put(d, "parts", "seat", "cylinders", {"a": {"radius": 0.1, "half_length": 0.1}}),
+            r"parts.seat.cylinders: got {'a': .*, expected a list",
+        ),
+        (
+            lambda d: put(d, "parts", list(d["parts"].values())),
+            r"parts: got \[.*, expected a mapping of names",
+        ),
+        (
+            lambda d: d["steps"].append(dict(d["steps"][0])),
+            r"steps\[1\]: side and seat are one piece by then, joined by the steps before",
+        ),
         (lambda d: put(d, "weld_impedance", 1), r"weld_impedance: got 1, expected a number between 0 and 1"),
     ],
 )
@@ -148,3 +166,53 @@ def test_a_name_that_stands_twice_is_refused(tmp_path, twice, message):
     path.write_text(twice)
     with pytest.raises(FurnitureError, match=f"chair.yaml: {message}"):
         read(path)
+
+
+def changed_step(chair, **values):
+    return replace(chair, steps=(replace(chair.steps[0], **values),))
+
+
+def changed_part(chair, **values):
+    return replace(chair, parts=(replace(chair.parts[0], **values), *chair.parts[1:]))
+
+
+@pytest.mark.parametrize(
+    "change, message",
+    [
+        (
+            lambda c: replace(c, parts=(*c.parts, c.parts[0])),
+            "parts: two are called 'seat', expected each name once",
+        ),
+        (lambda c: changed_part(c, name=""), "parts: got '', expected a name"),
+        (lambda c: replace(c, z_finedist=-1), "z_finedist: got -1, expected a positive number"),
+        (
+            lambda c: changed_step(c, grip_angle=(0, 0, -3)),
+            r"steps\[0\].grip_angle: got \[0, 0, -3\] of length 3",
+        ),
+        (
+            lambda c: changed_step(c, grasp_from="side"),
+            r"steps\[0\].grasp_from: got 'side', valid: 'above', 'back'",
+        ),
+        (
+            lambda c: changed_step(c, clearance=float("inf")),
+            r"steps\[0\].clearance: got inf, expected a finite",
+        ),
+        (
+            lambda c: changed_part(c, density=float("nan")),
+            "parts.seat.density: got nan, expected a finite number",
+        ),
+        (lambda c: changed_part(c, boxes=()), "parts.seat.boxes: got none, a part needs a box"),
+        (
+            lambda c: changed_part(c, connectors=2 * c.parts[0].connectors),
+            "parts.seat.connectors: two are called 'left'",
+        ),
+        (
+            lambda c: changed_part(c, initial_pose=(0, 0, 0, 2, 0, 0, 0)),
+            r"parts.seat.initial_pose: got \[2, 0, 0, 0\] of length 2",
+        ),
+        (lambda c: replace(c, steps=2 * c.steps), r"steps\[1\]: side and seat are one piece by then"),
+    ],
+)
+def test_a_piece_built_in_python_is_checked_as_a_file_is(chair, change, message):
+    with pytest.raises(FurnitureError, match=message):
+        change(chair())

@@ -1,0 +1,92 @@
+"""What the numbers, words and names of a piece may be; an error names the field as a furniture file does.
+
+The functions return nothing, and raise a `FurnitureError` for what cannot be.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from tstar_envs.furniture.errors import FurnitureError, did_you_mean
+
+MAX_LENGTH = 2.0
+"""m: nothing further away or larger can be reached, or is furniture."""
+MIN_SIZE = 1e-4
+"""m: the least half-size or radius."""
+UNIT = 1e-3
+"""How far from 1 the length of a unit vector or quaternion may be."""
+
+
+def check_number(
+    where: str, value: Any, positive: bool = False, least: float = -math.inf, most: float = math.inf
+) -> None:
+    """A finite number in its bounds."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not is_finite(value):
+        raise FurnitureError(f"{where}: got {short(value)}, expected a finite number")
+    if positive and value <= 0:
+        raise FurnitureError(f"{where}: got {value:g}, expected a positive number")
+    if not least <= value <= most:
+        valid = f"from {least:g} to {most:g}" if math.isfinite(least) else f"of at most {most:g}"
+        raise FurnitureError(f"{where}: got {value:g}, expected a number {valid}")
+
+
+def check_lengths(where: str, values: Sequence[float]) -> None:
+    """Lengths or positions in m, none of them further than `MAX_LENGTH`."""
+    for value in values:
+        check_number(where, value)
+    if max(map(abs, values)) > MAX_LENGTH:
+        got = short(list(values))
+        raise FurnitureError(f"{where}: got {got}, expected lengths in m, none beyond {MAX_LENGTH:g}")
+
+
+def check_sizes(where: str, values: Sequence[float]) -> None:
+    """Half-sizes or a radius in m, between `MIN_SIZE` and `MAX_LENGTH`."""
+    for value in values:
+        check_number(where, value)
+    if min(values) < MIN_SIZE or max(values) > MAX_LENGTH:
+        got = list(values) if len(values) > 1 else values[0]
+        raise FurnitureError(f"{where}: got {got}, expected sizes in m from {MIN_SIZE:g} to {MAX_LENGTH:g}")
+
+
+def check_unit(where: str, values: Sequence[float]) -> None:
+    """A unit vector (x, y, z) or a unit quaternion (w, x, y, z)."""
+    for value in values:
+        check_number(where, value)
+    if abs((length := math.hypot(*values)) - 1) > UNIT:
+        raise FurnitureError(f"{where}: got {list(values)} of length {length:.3f}, expected length 1")
+
+
+def check_choice(where: str, value: Any, valid: tuple[str, ...]) -> None:
+    """One of the words of `valid`."""
+    if value not in valid:
+        raise FurnitureError(f"{where}: got {short(value)}, {did_you_mean(str(value), valid)}")
+
+
+def check_names(where: str, names: Iterable[Any]) -> None:
+    """Names, each once."""
+    seen = set()
+    for name in names:
+        if not isinstance(name, str) or not name:
+            raise FurnitureError(f"{where}: got {short(name)}, expected a name")
+        if name in seen:
+            raise FurnitureError(f"{where}: two are called {name!r}, expected each name once")
+        seen.add(name)
+
+
+def is_finite(value: float) -> bool:
+    """Whether a number is finite and a float can hold it."""
+    try:
+        return math.isfinite(value)
+    except OverflowError:
+        return False
+
+
+def short(value: Any) -> str:
+    """What a message shows of a value."""
+    try:
+        text = repr(value)
+    except ValueError:  # a whole number of more digits than Python prints
+        return "a very long number"
+    return text if len(text) <= 60 else text[:57] + "..."
