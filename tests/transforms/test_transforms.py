@@ -187,6 +187,10 @@ def test_draws_resume_from_the_state_dict():
             lambda: weighted(RewardMixture({"env": 1.0}), {"own": GAILReward(Slot())}),
             "has no own; it has env",
         ),
+        (
+            lambda: weighted(RewardMixture({"env": 1.0, "calm": 2.0}), {"gail": None}),
+            "has calm, and this recipe makes no such reward; it makes env, gail",
+        ),
         (lambda: SkillChainReset(FixedStarts(), probability=1.5), r"\[0, 1\], got 1.5"),
     ],
 )

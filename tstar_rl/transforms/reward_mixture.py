@@ -13,6 +13,9 @@ from tstar_rl.transforms.reward_transform import RewardTransform
 
 __all__ = ["RewardMixture", "weighted"]
 
+PAPER_TERMS = ("env", "gail", "tsr")
+"""Every config has weights of these, also where a recipe does not make all of them."""
+
 
 class RewardMixture(RewardTransform):
     """("next", "reward"): reward_scale times the sum over terms of weight times scale times ("next", "reward_<term>").
@@ -86,8 +89,16 @@ def weighted(mixture: RewardMixture, terms: Mapping[str, RewardTransform | None]
         terms: each writes ("next", "reward_<its name>"); one that is None is not there.
 
     Raises:
-        InvalidValueError: if a term has no weight.
+        InvalidValueError: if a term has no weight, or a term that is none of the paper's has one and is not made.
     """
+    unpaid = [
+        term for term, weight in mixture.weights.items() if weight and term not in {*PAPER_TERMS, *terms}
+    ]
+    if unpaid:
+        raise InvalidValueError(
+            f"reward.weights has {', '.join(unpaid)}, and this recipe makes no such reward; "
+            f"it makes env, {', '.join(terms)}"
+        )
     there = {term: transform for term, transform in terms.items() if transform is not None}
     for term in there:
         if term not in mixture.weights:
