@@ -10,7 +10,7 @@ from omegaconf import DictConfig
 from tqdm import tqdm
 
 from tstar_rl.config.build import demonstrations_path, environment
-from tstar_rl.config.demonstrations import check_made
+from tstar_rl.config.demonstrations import check_made, demonstrated
 from tstar_rl.config.load import recipe
 from tstar_rl.demonstrations.collect import collect
 from tstar_rl.demonstrations.file_check import KINDS
@@ -20,10 +20,8 @@ from tstar_rl.seeds import derive_seed
 @recipe("make_demonstrations", kinds=tuple[str, ...], whole=bool)
 def main(config: DictConfig) -> None:
     """Writes the files that are not there yet; one that is there must be what would be written."""
-    one = [None] if config.whole else range(config.task.subtasks)
-    subtasks = one if config.subtask is None else [config.subtask]
     number = config.demonstrations.num_envs
-    for subtask in subtasks:
+    for subtask in demonstrated(config):
         for kind in config.kinds:
             path = demonstrations_path(config, subtask, kind)
             if path.is_file() and config.resume:

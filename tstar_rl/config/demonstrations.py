@@ -1,6 +1,6 @@
 """Which demonstrations a config's recipe learns from: the library's own, or a user's file."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ from tstar_rl.demonstrations.formats import read_demonstrations
 from tstar_rl.demonstrations.header import KINDS, DemonstrationError, unknown_setting
 from tstar_rl.runs.checkpoint import differences
 
-__all__ = ["check_made", "demonstrations_path", "load_demonstrations", "part_name"]
+__all__ = ["check_made", "demonstrated", "demonstrations_path", "load_demonstrations", "part_name"]
 
 ANY_VALUE = ("max_steps",)
 """Settings that are not compared: an episode that succeeded would have succeeded with any later end."""
@@ -36,6 +36,12 @@ def demonstrations_path(config: DictConfig, subtask: int | None, kind: str) -> P
     seed = config.seed if config.demonstrations.seed is None else config.demonstrations.seed
     folder = Path(config.demonstrations_dir) / config.task.name / f"seed{seed}"
     return folder / f"{part_name(subtask)}_{kind}.npz"
+
+
+def demonstrated(config: DictConfig) -> Sequence[int | None]:
+    """The subtasks that recipes/make_demonstrations.py makes demonstrations of; None is the whole task."""
+    every = [None] if config.whole else range(config.task.subtasks)
+    return every if config.subtask is None else [config.subtask]
 
 
 def load_demonstrations(config: DictConfig, subtask: int | None) -> Demonstrations:

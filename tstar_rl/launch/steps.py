@@ -17,7 +17,7 @@ from omegaconf import DictConfig
 
 from tstar_rl.config.build import demonstrations_path
 from tstar_rl.config.chain import chain_length
-from tstar_rl.config.demonstrations import check_made
+from tstar_rl.config.demonstrations import check_made, demonstrated
 from tstar_rl.config.values import plain
 from tstar_rl.launch.side_by_side import Step
 from tstar_rl.runs.checkpoint import CheckpointMismatchError, differences
@@ -73,7 +73,7 @@ def is_done(step: Step, shared: Sequence[str] = (), ignored: Sequence[str] = ())
     if not config.resume or not all(file.is_file() for file in step_files(step, config)):
         return False
     if step[0] == "make_demonstrations":
-        for part, kind in product(_parts(config), config.kinds):
+        for part, kind in product(demonstrated(config), config.kinds):
             check_made(config, part, kind)
         return True
     if step[0] == "evaluate":
@@ -95,16 +95,10 @@ def step_files(step: Step, config: DictConfig) -> list[Path]:
         config: the step's own.
     """
     if step[0] == "make_demonstrations":
-        return [demonstrations_path(config, *each) for each in product(_parts(config), config.kinds)]
+        return [demonstrations_path(config, *each) for each in product(demonstrated(config), config.kinds)]
     if step[0] == "evaluate":
         return [run_folder(config, "results_dir") / "evaluation.csv"]
     return [run_folder(config, "runs_dir") / "finished.json"]
-
-
-def _parts(config: DictConfig) -> Sequence[int | None]:
-    """The subtasks that make_demonstrations makes demonstrations of; None is the whole task."""
-    every = [None] if config.whole else range(config.task.subtasks)
-    return every if config.subtask is None else [config.subtask]
 
 
 def run_folder(config: DictConfig, root: str) -> Path:
