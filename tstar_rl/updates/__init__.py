@@ -7,7 +7,8 @@ returns goes into the log. Its `state_dict` makes a run resumable.
 from tstar_rl.updates.cloning import BehaviourCloningSettings, behaviour_cloning
 from tstar_rl.updates.discriminator import DiscriminatorSettings, DiscriminatorUpdate
 from tstar_rl.updates.labelled import LabelledSettings, LabelledUpdate
-from tstar_rl.updates.ppo import PolicyUpdate, PPOSettings
+from tstar_rl.updates.ppo import PolicyUpdate
+from tstar_rl.updates.ppo_settings import PPOSettings
 
 __all__ = [
     "BehaviourCloningSettings",

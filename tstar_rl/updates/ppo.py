@@ -1,7 +1,6 @@
 """Proximal policy optimisation of a policy and its value network."""
 
 import math
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -13,61 +12,15 @@ from torchrl.modules import ProbabilisticActor, ValueOperator
 from torchrl.objectives import ClipPPOLoss
 from torchrl.objectives.value import GAE
 
-from tstar_rl.checks import check_ranges
 from tstar_rl.models.blocks import in_blocks
 from tstar_rl.models.networks import split_encoder
 from tstar_rl.models.precision import Bfloat16
 from tstar_rl.models.return_scale import ReturnScale
+from tstar_rl.updates.ppo_settings import PPOSettings
 
 LEAST_SHARE = 0.01
 """Of the actor's rate, however large the KL."""
 PPO_KEYS = ("encoded", "action", "action_log_prob", "advantage", "value_target")
-
-
-@dataclass(frozen=True)
-class PPOSettings:
-    """Source: the paper's appendix for the defaults; what it does not name is off."""
-
-    epochs: int = 10
-    minibatch: int = 128
-    learning_rate: float = 3e-4
-    critic_learning_rate: float | None = None
-    """None: the actor's."""
-    linear_decay: bool = True
-    """Rates fall in a line, by the progress after a rollout: with n updates the first one has the share 1 - 1 / n, and
-    the last one a rate of 0, so that it changes nothing."""
-    clip_epsilon: float = 0.2
-    entropy_coeff: float = 0.003
-    critic_coeff: float = 0.5
-    max_grad_norm: float = 0.5
-    gamma: float = 0.99
-    gae_lambda: float = 0.95
-    kl_stop: float = math.inf
-    """The actor stands still for the rest of an update once the KL of a minibatch exceeds this."""
-    kl_target: float | None = None
-    """Where the last KL of an update is above twice this, the actor's rate is divided by 1.5 for the next one; where it
-    is below half of this, it is multiplied by as much, up to the rate itself. As a learned deviation shrinks, the same
-    step of the mean action is a larger KL. None: off."""
-    critic_warmup: int = 0
-    """First updates in which the critic alone is trained."""
-    rate_warmup: int = 0
-    """First steps of the actor in which its rate grows linearly: Adam's very first steps have full size."""
-    normalize_returns: bool = False
-    """Divide rewards by the running deviation of discounted returns."""
-    critic_bfloat16: bool = False
-    """Whether the critic computes in bfloat16; its parameters and optimiser, and all of the actor, stay in float32."""
-    compile: str | None = None
-    """A mode of `torch.compile` for the loss of a minibatch; "reduce-overhead" makes CUDA graphs of it. None: eager."""
-
-    def __post_init__(self) -> None:
-        check_ranges(
-            self,
-            count=("epochs", "minibatch"),
-            positive=("learning_rate", "critic_learning_rate", "kl_target", "clip_epsilon", "max_grad_norm"),
-            not_negative=("entropy_coeff", "critic_coeff", "critic_warmup", "rate_warmup"),
-            share=("gamma", "gae_lambda"),
-            limit=("kl_stop",),
-        )
 
 
 class PolicyUpdate:
