@@ -1,7 +1,8 @@
-"""What a user's mistake is, and what the numbers in the settings of an update may be."""
+"""What a user's mistake is, the name that was meant, and what the numbers in the settings of an update may be."""
 
+import difflib
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from importlib import import_module
 from importlib.util import find_spec
 from typing import Any
@@ -12,6 +13,7 @@ __all__ = [
     "MissingFileError",
     "UserError",
     "check_ranges",
+    "did_you_mean",
     "import_extra",
     "need_extra",
 ]
@@ -35,6 +37,18 @@ class MissingFileError(UserError, FileNotFoundError):
 
 class MissingExtraError(UserError, ImportError):
     """An optional dependency is not installed; the message says how to install it."""
+
+
+def did_you_mean(got: object, valid: Iterable[str], cutoff: float = 0.6) -> str:
+    """The tail of a message on an unknown name: "; did you mean <the nearest valid one>?", or nothing if none is near.
+
+    Args:
+        got: what was given.
+        valid: names.
+        cutoff: of difflib's ratio of two names, in [0, 1].
+    """
+    near = difflib.get_close_matches(str(got), list(valid), n=1, cutoff=cutoff)
+    return f"; did you mean {near[0]}?" if near else ""
 
 
 def import_extra(module: str, extra: str, why: str) -> Any:

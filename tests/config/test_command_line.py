@@ -25,7 +25,7 @@ MISTAKES = [
     ("gail_ppo", ["sede=1"], "the config has no sede; it has system, .*; did you mean seed"),
     ("gail_ppo", ["ppo.learning_rat=1"], "ppo has no learning_rat; it has epochs, .*did you mean learning_rate"),
     ("gail_ppo", ["popo.epochs=1"], "the config has no popo; it has system, .*of the recipe gail_ppo"),
-    ("gail_ppo", ["scael=laptop"], r"the config of gail_ppo has no scael; did you mean scale=\.\.\.\?"),
+    ("gail_ppo", ["scael=laptop"], r"the config of gail_ppo has no scael; did you mean scale\?"),
     ("gail_ppo", ["env.snp=true"], "unknown task setting 'snp' .*did you mean 'snap'"),
     ("gail_ppo", ["env.snap=true"], r"env.snap is valid, but not set in .* of gail_ppo: write \+env.snap=\.\.\."),
     ("gail_ppo", ["bonus=1"], "the config has no bonus; it has .*of the recipe gail_ppo"),

@@ -64,9 +64,8 @@ def test_what_may_differ_is_a_setting(demonstrations, tmp_path):
     demonstrations.save(place(tmp_path))
     asked = config(tmp_path)
     asked.demonstrations.may_differ = ["snapp"]
-    with pytest.raises(
-        InvalidValueError, match=r"may_differ has 'snapp' \(did you mean 'snap'\?\); valid settings: "
-    ):
+    told = r"may_differ has 'snapp'; valid settings: .*; did you mean snap\?"
+    with pytest.raises(InvalidValueError, match=told):
         load_demonstrations(asked, 2)
 
 

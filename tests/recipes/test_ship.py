@@ -56,7 +56,7 @@ def test_a_chain_is_shipped_with_what_is_known_of_it(trained, call, capsys):
     for policy, skill in zip(chain.policies, skills, strict=True):
         for name, value in skill.policy.state_dict().items():
             assert torch.equal(policy.state_dict()[name], value)
-    assert pretrained("runs/shipped") == {"table_lack": ["mended"]}
+    assert pretrained(folder="runs/shipped") == {"table_lack": ["mended"]}
 
 
 @pytest.mark.parametrize(

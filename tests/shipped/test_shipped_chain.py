@@ -94,8 +94,9 @@ def test_chains_are_found_by_name(tmp_path):
     for name in ("narrow", "tstar", "a_third"):
         save(tmp_path / "table_lack" / name, some_skills())
     (tmp_path / "chair_ingolf" / "empty").mkdir(parents=True)
-    assert pretrained(tmp_path) == {"table_lack": ["tstar", "a_third", "narrow"]}
+    assert pretrained(folder=tmp_path) == {"table_lack": ["tstar", "a_third", "narrow"]}
     assert load_pretrained("table_lack", "narrow", folder=tmp_path).task == "table_lack"
+    assert load_pretrained("table_lack/narrow", folder=tmp_path).task == "table_lack"
     with pytest.raises(
         InvalidValueError, match="of table_lack: 'narow'; .* tstar, a_third, narrow; did you mean na"
     ):

@@ -1,13 +1,12 @@
 """Holds plain values against the names and types that a class declares."""
 
-import difflib
 import inspect
 from collections.abc import Mapping
 from dataclasses import is_dataclass
 from types import NoneType, UnionType
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
-from tstar_rl.checks import InvalidValueError
+from tstar_rl.checks import InvalidValueError, did_you_mean
 
 __all__ = ["ConfigError", "check"]
 
@@ -35,8 +34,7 @@ def check(values: Mapping[str, Any], kind: type, where: str, own: dict[str, Any]
     types = {name: hint for name, hint in hints.items() if is_dataclass(kind) or name in given} | (own or {})
     for name in values:
         if name not in types:
-            near = difflib.get_close_matches(str(name), types, n=1)
-            hint = f"; did you mean {near[0]}?" if near else ""
+            hint = did_you_mean(name, types)
             raise ConfigError(f"{where or 'the config'} has no {name}; it has {', '.join(types)}{hint}")
     for name, wanted in types.items():
         if name in values:

@@ -5,7 +5,6 @@ folder that cannot be written to, a full disk). Any other error is the program's
 HYDRA_FULL_ERROR=1 every error does.
 """
 
-import difflib
 import errno
 import functools
 import os
@@ -23,7 +22,7 @@ from hydra.errors import CompactHydraException, HydraException, MissingConfigExc
 from omegaconf import DictConfig, OmegaConf, open_dict
 from omegaconf.errors import OmegaConfBaseException
 
-from tstar_rl.checks import UserError
+from tstar_rl.checks import UserError, did_you_mean
 
 __all__ = ["command_line", "told_in_words"]
 
@@ -126,17 +125,15 @@ def _missing_file(missing: Path, configs: Path) -> str:
     if not valid:
         groups = sorted(path.name for path in configs.iterdir() if path.is_dir())
         return f"there is no {missing} in {configs}; its folders are {', '.join(groups)}"
-    near = difflib.get_close_matches(option, valid, n=1)
-    hint = f"; did you mean {near[0]}?" if near else ""
-    return f"{group}={option}: {group} must be one of {', '.join(valid)} (files of configs/{group}){hint}"
+    there = f"{', '.join(valid)} (files of configs/{group})"
+    return f"{group}={option}: {group} must be one of {there}{did_you_mean(option, valid)}"
 
 
 def _unknown_key(key: str, configs: Path, name: str, check: Check) -> str:
     """For a key that the recipe's config does not have: what `check` says of it, or how to add it."""
     groups = [path.name for path in configs.iterdir() if path.is_dir()]
-    near = difflib.get_close_matches(key, groups, n=1, cutoff=0.75)
-    if near:
-        return f"the config of {name} has no {key}; did you mean {near[0]}=...?"
+    if hint := did_you_mean(key, groups, cutoff=0.75):
+        return f"the config of {name} has no {key}{hint}"
     try:
         with initialize_config_dir(str(configs), version_base="1.3"):
             config = compose(f"recipe/{name}")

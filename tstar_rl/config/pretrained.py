@@ -8,8 +8,8 @@ from omegaconf import DictConfig, open_dict
 
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.values import plain, task_section
-from tstar_rl.shipped.catalogue import CHAINS, DEFAULT, load_pretrained
-from tstar_rl.shipped.chain import ShippedChain
+from tstar_rl.shipped.catalogue import CHAINS, find_pretrained
+from tstar_rl.shipped.chain import ShippedChain, load_shipped
 
 __all__ = ["chain_env", "take_pretrained"]
 
@@ -36,13 +36,13 @@ def take_pretrained(config: DictConfig, given: Iterable[str]) -> ShippedChain:
         raise InvalidValueError(
             f"pretrained={config.pretrained} brings its own {', '.join(twice)}: leave {'=..., '.join(twice)}=... out"
         )
-    task, _, variant = config.pretrained.partition("/")
-    folder = config.pretrained_dir or CHAINS
-    chain = load_pretrained(task, variant or DEFAULT, folder=folder)
+    place = find_pretrained(config.pretrained, folder=config.pretrained_dir or CHAINS)
+    task, variant = place.parent.name, place.name
+    chain = load_shipped(place, task=task)
     with open_dict(config):
         config.task = task_section(task)
         config.env = chain_env(chain, config, given)
-        config.system, config.subtask = f"pretrained/{variant or DEFAULT}", None
+        config.system, config.subtask = f"pretrained/{variant}", None
         if "seed" not in names:
             config.seed = chain.record["seed"]
         if "evaluation.whole_episodes" not in names:

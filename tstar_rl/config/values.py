@@ -1,12 +1,12 @@
 """The folder of configs, and plain values and settings of what was read from it. No torch."""
 
-import difflib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
 from omegaconf import DictConfig, OmegaConf
 
+from tstar_rl.checks import did_you_mean
 from tstar_rl.config.check import ConfigError, check
 
 __all__ = ["CONFIGS", "plain", "settings", "task_section"]
@@ -29,11 +29,8 @@ def task_section(name: str) -> DictConfig:
     """
     files = {path.stem: path for path in sorted((CONFIGS / "task").glob("*.yaml"))}
     if name not in files:
-        near = difflib.get_close_matches(name, files, n=1)
-        hint = f"; did you mean {near[0]}?" if near else ""
-        raise ConfigError(
-            f"a task must be one of {', '.join(files)} (files of configs/task), got {name!r}{hint}"
-        )
+        valid = f"{', '.join(files)} (files of configs/task)"
+        raise ConfigError(f"a task must be one of {valid}, got {name!r}{did_you_mean(name, files)}")
     return OmegaConf.load(files[name])  # pyright: ignore[reportReturnType]
 
 

@@ -1,6 +1,5 @@
 """The header of a file of demonstrations: what they are of, as JSON. An error names file, field and what is valid."""
 
-import difflib
 import json
 from collections.abc import Iterable
 from pathlib import Path
@@ -8,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from tstar_rl.checks import UserError
+from tstar_rl.checks import UserError, did_you_mean
 
 __all__ = ["FORMAT_VERSION", "HEADER", "KINDS", "DemonstrationError", "read_header", "unknown_setting"]
 
@@ -60,9 +59,8 @@ def unknown_setting(names: Iterable[str]) -> str:
 
     for name in names:
         if name not in DEFAULT_SETTINGS:
-            near = difflib.get_close_matches(str(name), DEFAULT_SETTINGS, n=1)
-            hint = f" (did you mean {near[0]!r}?)" if near else ""
-            return f"{name!r}{hint}; valid settings: {', '.join(DEFAULT_SETTINGS)}"
+            hint = did_you_mean(name, DEFAULT_SETTINGS)
+            return f"{name!r}; valid settings: {', '.join(DEFAULT_SETTINGS)}{hint}"
     return ""
 
 

@@ -4,10 +4,9 @@ tstar_rl.pretrained()                                     # {"table_lack": ["tst
 policy = tstar_rl.load_pretrained("table_lack")           # the first of them
 """
 
-import difflib
 from pathlib import Path
 
-from tstar_rl.checks import InvalidValueError
+from tstar_rl.checks import InvalidValueError, did_you_mean
 from tstar_rl.runs.checkpoint import is_checkpoint
 from tstar_rl.shipped.chain import ShippedChain, load_shipped
 
@@ -19,7 +18,7 @@ DEFAULT = "tstar"
 """The variant that is meant where none is named."""
 
 
-def pretrained(folder: str | Path = CHAINS) -> dict[str, list[str]]:
+def pretrained(*, folder: str | Path = CHAINS) -> dict[str, list[str]]:
     """The variants of each task that has trained chains, the default first.
 
     Args:
@@ -32,7 +31,7 @@ def pretrained(folder: str | Path = CHAINS) -> dict[str, list[str]]:
     return dict(sorted(found.items()))
 
 
-def load_pretrained(task: str, variant: str = DEFAULT, *, folder: str | Path = CHAINS) -> ShippedChain:
+def load_pretrained(task: str, variant: str | None = None, *, folder: str | Path = CHAINS) -> ShippedChain:
     """A trained chain: a map from "observation", "subtask" to "action" for `FurnitureEnv` of the whole task.
 
     policy = load_pretrained("table_lack")
@@ -41,28 +40,30 @@ def load_pretrained(task: str, variant: str = DEFAULT, *, folder: str | Path = C
     It samples as TorchRL's `set_exploration_type` says.
 
     Args:
-        task: furniture.
-        variant: which of its chains: see `pretrained`.
+        task: furniture, or "<task>/<variant>".
+        variant: which of its chains: see `pretrained`; the default is "tstar".
         folder: where they lie, at <task>/<variant>; by default those of the package.
 
     Raises:
         InvalidValueError: if there is no such chain; it lists those that there are. A ValueError.
         DamagedCheckpointError: if a file is not as it was written; it names the file. A ValueError.
     """
-    return load_shipped(find_pretrained(task, variant, folder=folder), task=task)
+    place = find_pretrained(task, variant, folder=folder)
+    return load_shipped(place, task=place.parent.name)
 
 
-def find_pretrained(task: str, variant: str = DEFAULT, *, folder: str | Path = CHAINS) -> Path:
-    """The folder of a trained chain; takes and raises what `load_pretrained` does of unknown names."""
-    there = pretrained(folder)
+def find_pretrained(task: str, variant: str | None = None, *, folder: str | Path = CHAINS) -> Path:
+    """The folder <task>/<variant> of a trained chain; takes and raises what `load_pretrained` does of unknown names."""
+    if variant is None:
+        task, _, variant = task.partition("/")
+    variant, there = variant or DEFAULT, pretrained(folder=folder)
     for what, name, valid in (
         ("task with trained chains", task, there),
         (f"trained chain of {task}", variant, there.get(task, ())),
     ):
         if name not in valid:
-            near = difflib.get_close_matches(str(name), valid, n=1)
-            hint = f"; did you mean {near[0]}?" if near else ""
+            there_are = ", ".join(valid) or f"none in {folder}"
             raise InvalidValueError(
-                f"unknown {what}: {name!r}; there are {', '.join(valid) or f'none in {folder}'}{hint}"
+                f"unknown {what}: {name!r}; there are {there_are}{did_you_mean(name, valid)}"
             )
     return Path(folder) / task / variant
