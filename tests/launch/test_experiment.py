@@ -227,7 +227,7 @@ def test_a_bonus_is_known_once_its_arm_is_trained(tmp_path):
     step = ("policy_sequencing", "system=paid", "bonus_of=tstar")
     assert without_bonus(step) == step[:2]
     with pytest.raises(
-        FileNotFoundError, match=r"train it first \(python recipes/tstar.py task=table_lack seed=7\)"
+        FileNotFoundError, match=r"train it first \(python recipes/tstar.py task=table_lack seed=7, "
     ):
         with_bonus(step, "table_lack", 7, tmp_path)
     folder = tmp_path / "table_lack/tstar/seed7"

@@ -2,6 +2,7 @@
 
 import math
 import platform
+import re
 from pathlib import Path
 
 import pandas as pd
@@ -14,7 +15,7 @@ from tstar_rl.rollouts.episodes import MODES
 from tstar_rl.runs import versions
 from tstar_rl.runs.csv_tables import MetricsLog, append_rows
 from tstar_rl.runs.run import Run
-from tstar_rl.runs.run_folder import Place, note_evaluation, read_run_path, run_path
+from tstar_rl.runs.run_folder import Place, made_by, note_evaluation, read_run_path, run_path
 from tstar_rl.seeds import EVALUATIONS, derive_seed, evaluation_seed
 
 
@@ -92,6 +93,22 @@ def test_a_path_is_read_as_it_was_made():
     for wrong in ("table/tstar/last", "table/seed0", "."):
         with pytest.raises(ValueError, match="a run lies at <task>/<recipe>/seed<k>"):
             read_run_path(Path(wrong))
+
+
+def test_a_missing_run_is_told_what_makes_it_or_which_of_its_subtasks_are_there(tmp_path):
+    run = run_path(tmp_path, "table_lack", "gail_ppo", 3)
+    said = r": train it first \(python recipes/gail_ppo.py task=table_lack{} seed=3, with the scale and the folders gi"
+    assert re.match(said.format(""), made_by(run / "last"))
+    assert re.match(
+        said.format(" subtask=2"), made_by(run_path(tmp_path, *Place("table_lack", "gail_ppo", 3, 2)))
+    )
+    for index in (0, 2):
+        run_path(tmp_path, "table_lack", "gail_ppo", 3, index).mkdir(parents=True)
+    assert (
+        made_by(run / "last")
+        == "; there are runs of subtask=0, 2, which system=no_finetuning skills=gail_ppo chains"
+    )
+    assert made_by(tmp_path / "nowhere") == ""
 
 
 def test_the_config_of_a_training_stays_and_that_of_an_evaluation_follows_the_newest(tmp_path):

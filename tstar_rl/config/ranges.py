@@ -26,7 +26,7 @@ LEAST = {
     "training.max_steps": 1,
     "training.checkpoint_every": 1,
     "training.demonstration_steps": 1,
-    "chain.rounds": 0,
+    "chain.rounds": 1,
     "chain.steps_per_turn": 1,
     "chain.horizon": 1,
     "chain.capacity": 1,
@@ -78,6 +78,7 @@ CHOICES = {
     "launch": ("local", "ray"),
     "collection.backend": ("local", "ray"),
     "demonstrations.kind": KINDS,
+    "from_checkpoint": ("last", "best"),
     "mode": MODES,
     "physics": ("mujoco", "warp", None),
 }
@@ -128,6 +129,10 @@ def _check_task(task: str, subtasks: int, values: Mapping[str, Any]) -> None:
     if (subtask := values["subtask"]) is not None and not 0 <= subtask < subtasks:
         valid = f"null (the whole task) or in 0..{subtasks - 1}"
         raise ConfigError(f"subtask of {task} must be {valid}, got {subtask}")
+    if subtask is not None and _has(values, "from_checkpoint"):
+        raise ConfigError(
+            f"subtask must be null, got {subtask}: {values['system']} is of a chain; chain.links takes its first skills"
+        )
     check_links(find(values, "chain.links"), subtasks, task)
 
 

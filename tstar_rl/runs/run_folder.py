@@ -62,14 +62,22 @@ def read_run_path(path: Path) -> tuple[Place, Path]:
 
 
 def made_by(path: str | Path) -> str:
-    """What a message says of a run's missing file: the recipe that writes it; nothing if the path is of no run."""
-    found = re.search(r"([^/]+)/([^/]+)/seed(\d+)(?:/subtask(\d+))?(?:/|$)", Path(path).as_posix())
+    """What a message says of a run's missing file: what makes it; nothing if the path is of no run.
+
+    That is the recipe that writes it, and for a whole task of which only subtasks are there, those.
+    """
+    found = re.search(r"(.*/)?([^/]+)/([^/]+)/seed(\d+)(?:/subtask(\d+))?(?:/|$)", Path(path).as_posix())
     if found is None:
         return ""
-    task, system, seed, subtask = found.groups()
+    root, task, system, seed, subtask = found.groups()
     part = "" if subtask is None else f" subtask={subtask}"
+    there = sorted(run_path(root or ".", task, system, int(seed)).glob("subtask*"))
+    if subtask is None and there:
+        numbers = ", ".join(path.name.removeprefix("subtask") for path in there)
+        return f"; there are runs of subtask={numbers}, which system={UNTRAINED} skills={system} chains"
     if (RECIPES / f"{system}.py").is_file():
-        return f": train it first (python recipes/{system}.py task={task}{part} seed={seed})"
+        command = f"python recipes/{system}.py task={task}{part} seed={seed}"
+        return f": train it first ({command}, with the scale and the folders given here)"
     return f": train system={system} of task={task}{part} seed={seed} first"
 
 
