@@ -13,7 +13,7 @@ from recipe_runs import command, environ
 from tstar_rl import checks
 from tstar_rl.chaining.skill import NetworkSettings, Skill
 from tstar_rl.checks import UserError
-from tstar_rl.config.command_line import FULL_ERROR, HINT
+from tstar_rl.config.command_line import FULL_ERROR, HINT, STOPPED
 from tstar_rl.config.load import recipe
 from tstar_rl.runs.run_folder import run_path
 
@@ -153,6 +153,18 @@ def test_an_error_of_the_program_is_no_message(monkeypatch, capfd, tmp_path):
         recipe("plot")(fails)()
     told = capfd.readouterr().err
     assert ended.value.code == 1 and "Traceback" in told and "in fails" in told and "not the user's" in told
+
+
+def test_who_stops_a_recipe_sees_no_traceback(monkeypatch, capfd, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["plot.py"])
+
+    def stopped(config):
+        raise KeyboardInterrupt
+
+    with pytest.raises(SystemExit) as ended:
+        recipe("plot")(stopped)()
+    assert ended.value.code == 130 and capfd.readouterr().err.splitlines() == ["", STOPPED]
 
 
 def test_the_loggers_of_other_libraries_are_left_alone(monkeypatch, tmp_path):

@@ -1,4 +1,6 @@
-"""How a recipe ends when its user made a mistake: one or two lines on stderr and exit code 1, no traceback.
+"""A recipe's command line: `--help`, and how it ends when its user made a mistake or stops it.
+
+A mistake gives one or two lines on stderr and exit code 1, Ctrl-C one line and exit code 130, without a traceback.
 
 What counts as one: a `UserError`, what Hydra says of the command line, and an `OSError` (a file that is not there, a
 folder that cannot be written to, a full disk). Any other error is the program's, and shows its traceback. With
@@ -27,6 +29,11 @@ from tstar_rl.checks import UserError, did_you_mean
 __all__ = ["command_line", "told_in_words"]
 
 FULL_ERROR = "HYDRA_FULL_ERROR"
+STOPPED = (
+    "stopped; what was written stays, and the same command goes on from the last checkpoint, if there is one"
+)
+BY_SIGINT = 130
+"""Exit code of a process that Ctrl-C stopped, as shells have it."""
 HINT = f"{FULL_ERROR}=1 shows where this was raised."
 FULL_DISK = (errno.ENOSPC, errno.EDQUOT)
 NOT_WRITABLE = (
@@ -66,9 +73,14 @@ def command_line(body: Body, configs: Path, name: str, check: Check) -> Callable
             return body(config)
         if os.environ.get(FULL_ERROR) == "1":
             return start(body)
+        if {"--help", "-h"} & set(sys.argv[1:]):
+            print(sys.modules[body.__module__].__doc__)
         os.environ[FULL_ERROR] = "1"  # Hydra then raises what it would print in its own words
         try:
             start(job)
+        except KeyboardInterrupt:
+            print(f"\n{STOPPED}", file=sys.stderr)
+            raise SystemExit(BY_SIGINT) from None
         except (HydraException, OmegaConfBaseException) as error:
             raise SystemExit(f"{_in_words(error, configs, name, check)}\n{HINT}") from None
         finally:
