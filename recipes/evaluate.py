@@ -10,13 +10,16 @@ import itertools
 import json
 import math
 from collections.abc import Iterable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
 import torch
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
+from tensordict import TensorDictBase
 from torch import nn
+from tqdm import tqdm
 
 from tstar_rl.analysis.tables import config_of
 from tstar_rl.chaining.chain import ChainPolicy, chain_folders
@@ -67,7 +70,9 @@ def main(config: DictConfig) -> None:
             torch.manual_seed(seed)
             env = environment(config, subtask, number, seed, snapshots=film)
             recorder = Recorder(env.base_env, config.evaluation.recorded if film else 0, enough=links)
-            row = evaluate(policy, env, mode, recorder, links=links)
+            told = f"{name}, {mode}: {number} episodes of at most {env.base_env.max_steps} steps"
+            with tqdm(desc=told, unit=" steps", disable=not config.progress_bar) as bar:
+                row = evaluate(policy, env, mode, partial(_step, recorder, bar), links=links)
             rows.append({"checkpoint": name, "mode": mode, **row, **spent, "seed": config.seed})
             recorder.write(results)
             env.close()
@@ -79,6 +84,11 @@ def main(config: DictConfig) -> None:
     for policy in policies.values():
         if isinstance(policy, ShippedChain):
             print(*(policy.compare(row) for row in rows), sep="\n")
+
+
+def _step(recorder: Recorder, bar: tqdm, tensordict: TensorDictBase) -> None:
+    recorder(tensordict)
+    bar.update()
 
 
 def _candidates(config: DictConfig, given: Iterable[str]) -> tuple[Path, dict[str, Candidate]]:

@@ -41,6 +41,7 @@ def main(config: DictConfig) -> None:
                 )
                 bar.set_postfix(episodes=len(found))
             found.save(path)
+            print(path)
 
 
 if __name__ == "__main__":

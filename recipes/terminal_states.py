@@ -20,7 +20,7 @@ def main(config: DictConfig) -> None:
     table = read_terminal_states(config.results_dir, config.task.name, config.systems)
     if table.empty:
         found = f"no terminal_states.csv of {', '.join(config.systems)} below {config.results_dir}"
-        raise SystemExit(f"{found}/{config.task.name}: a chain logs it")
+        raise SystemExit(f"{found}/{config.task.name}: a chain with chain.logged_states > 0 logs it")
     table, shares = add_plane(table)
     place = Path(config.results_dir) / config.task.name
     numbers = spread(table)

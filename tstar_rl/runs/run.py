@@ -210,8 +210,9 @@ class Run:
             getattr(self, name).truncate(rows[name])
 
     def finish(self) -> None:
-        """Closes the bar, notes that the run is complete, and gives its folder back."""
+        """Closes the bar, notes that the run is complete, gives its folder back, and says where it and its log lie."""
         self.bar.close()
         with replacing(self.work / "finished.json") as partial:
             partial.write_text(json.dumps({"env_steps": self.env_steps, "minutes": self.seconds / 60}))
         lock.release(self.work)
+        print(self.work, self.results / "metrics.csv", sep="\n", flush=True)
