@@ -31,4 +31,4 @@ def test_the_lines_of_the_page(tmp_path, monkeypatch, capsys):
         told.append(capsys.readouterr().out)
     assert told[0] == "{}\n"
     assert f"({len(found.episodes[0])}, 9)" in told[2]
-    assert len(read_demonstrations("mine/subtask0.hdf5", "table_lack", 0)) >= 8
+    assert len(read_demonstrations("mine/subtask0.hdf5", "table_lack", 0)) >= 80
