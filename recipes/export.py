@@ -16,8 +16,8 @@ from torchrl.envs import set_exploration_type
 from tstar_rl import FurnitureEnv
 from tstar_rl.chaining.chain import ChainPolicy, chain_folders
 from tstar_rl.checks import InvalidValueError, MissingFileError
-from tstar_rl.config.build import environment, load_demonstrations, load_skill
-from tstar_rl.config.demonstrations import part_name
+from tstar_rl.config.build import environment, load_skill
+from tstar_rl.config.demonstrations import demonstrated, load_demonstrations, part_name
 from tstar_rl.config.load import recipe
 from tstar_rl.demonstrations.formats import (
     Recording,
@@ -85,8 +85,7 @@ def _recordings(config: DictConfig) -> Iterator[Recording]:
     if config.path is not None:
         yield _episodes(config)
         return
-    parts = [None] if config.whole else range(config.task.subtasks)
-    for subtask in parts if config.subtask is None else [config.subtask]:
+    for subtask in demonstrated(config):
         found = load_demonstrations(config, subtask)
         env = FurnitureEnv(**found.arguments, num_envs=_simulations(config, len(found)), snapshots=True)
         played = replay_demonstrations(env, found)

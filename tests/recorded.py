@@ -14,6 +14,11 @@ from tstar_rl.demonstrations.formats import Recording, record
 
 ARGUMENTS: dict[str, Any] = {"task": "chair_ingolf", "subtask": 1}
 
+STEPS, WIDTH = (
+    (3, 2),
+    72,
+)  # of the two demonstrations that anybody wrote; an observation of the five parts of the chair
+
 
 def make(num_envs: int = 2, seed: int = 0, **settings: Any) -> FurnitureEnv:
     return FurnitureEnv(num_envs=num_envs, nthread=1, seed=seed, snapshots=True, **{**ARGUMENTS, **settings})
@@ -93,3 +98,18 @@ def put(name: str, value: Any) -> Callable[[h5py.File], None]:
             file[name] = value
 
     return change
+
+
+def env_args(name: str = "tstar/ChairIngolf-v0", **settings) -> str:
+    return json.dumps({"env_name": name, "type": 2, "env_kwargs": settings})
+
+
+def leave_two_of_anybody(path: Path) -> Path:
+    """What anybody could write: two demonstrations, of observations and actions alone."""
+    with h5py.File(path, "w") as file:
+        file.create_group("data").attrs["env_args"] = env_args(subtask=1, velocity_scale=0.5)
+        for name, steps, seed in zip(("demo_10", "demo_2"), STEPS, (1, 2), strict=True):
+            numbers = np.random.default_rng(seed)
+            file[f"data/{name}/actions"] = numbers.uniform(-1, 1, (steps, 9))
+            file[f"data/{name}/obs/flat"] = numbers.normal(size=(steps, WIDTH))
+    return path

@@ -85,9 +85,11 @@ def test_a_file_is_kept_if_it_is_what_would_be_made(demonstrations, tmp_path):
         "a noise of 0.15, and demonstrations.noise is 0.3", "delete it, or set resume=false, to make it again",
     ):  # fmt: skip
         assert text in str(said.value)
-    assert (
-        len(load_demonstrations(config(tmp_path), 2)) == 2
-    )  # the number is not asked of what is learned from
+    with pytest.raises(
+        DemonstrationError, match="has 2 episodes, .*is 100; .*noise of 0.15, .* is 0.3; give the same, or"
+    ):
+        load_demonstrations(asked, 2)  # whose config.yaml would say what is not so
+    assert len(load_demonstrations(config(tmp_path), 2)) == 2
     demonstrations.save(place(tmp_path))  # an older file: it does not say with which noise
     asked = config(tmp_path)
     asked.demonstrations.noise = 0.3

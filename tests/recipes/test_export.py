@@ -23,7 +23,7 @@ def test_demonstrations_go_out_and_come_back_and_so_do_episodes(call, tmp_path, 
     monkeypatch.delenv("MINARI_DATASETS_PATH", raising=False)
     own = as_demonstrations(scripted())
     own.save(tmp_path / "demonstrations/quick/chair_ingolf/seed0/subtask1_noisy.npz")
-    call("export", *QUICK)
+    call("export", *QUICK, "demonstrations.episodes=2")
     told = capsys.readouterr().out
     path = tmp_path / "exports/chair_ingolf/noisy_seed0/subtask1.hdf5"
     assert f"{path.relative_to(tmp_path)}: played again from its states, 2 of 2 the same to the bit" in told
@@ -34,7 +34,7 @@ def test_demonstrations_go_out_and_come_back_and_so_do_episodes(call, tmp_path, 
     assert np.array_equal(dataset[1].observations, recording.episodes[1].observations)
 
     for system, values in (("bc", []), ("bc_mine", [f"demonstrations.file={path.parent}"])):
-        call("bc", *QUICK, f"system={system}", *values)
+        call("bc", *QUICK, f"system={system}", "demonstrations.episodes=2", *values)
     bc, mine = (run_path("runs/quick", "chair_ingolf", name, 0, 1) / "last" for name in ("bc", "bc_mine"))
     assert same_policy(load_skill(bc).policy, load_skill(mine).policy)  # the labels came back to the bit too
 

@@ -48,24 +48,27 @@ def load_demonstrations(config: DictConfig, subtask: int | None) -> Demonstratio
     """Those that the config's recipe learns from: of demonstrations.file, or made by recipes/make_demonstrations.py.
 
     They must have been made in the config's world: every setting of the environment is compared, but those of
-    demonstrations.may_differ and the time limit. One that the file or the config does not name has its default.
+    demonstrations.may_differ and the time limit. One that the file or the config does not name has its default. Of the
+    library's own, number and noise are compared too: a run's config.yaml says what it learned from.
 
     Raises:
         MissingFileError: there is no file.
-        DemonstrationError: something in the file is wrong, or it is of another task, subtask or settings.
+        DemonstrationError: the file is wrong anywhere, or is of another task, subtask, settings, number or noise.
         InvalidValueError: demonstrations.may_differ names what is no setting.
     """
     given = config.demonstrations.get("file")
     if given is None:
         path = demonstrations_path(config, subtask, config.demonstrations.kind)
-        found, hint = Demonstrations.load(path, config.task.name, subtask), "delete it to make it again"
+        found = Demonstrations.load(path, config.task.name, subtask)
+        hint = "give the same, or delete it to make it again"
+        made = _otherwise_made(config, config.demonstrations.kind, len(found), found.noise)
     else:
         path = Path(given) / f"{part_name(subtask)}.hdf5" if Path(given).is_dir() else Path(given)
         keys = config.demonstrations.observation_key, config.demonstrations.filter_key
         found = read_demonstrations(path, config.task.name, subtask, *keys)
-        hint = "give the same (env.<setting>=...), or name what may differ in demonstrations.may_differ=[...]"
-    if wrong := _other_settings(config, found.arguments):
-        raise DemonstrationError(f"{path}: field arguments: {'; '.join(wrong)}; {hint}")
+        hint, made = "give the same (env.<setting>=...), or name it in demonstrations.may_differ=[...]", []
+    if wrong := [*_other_settings(config, found.arguments), *made]:
+        raise DemonstrationError(f"{path}: {'; '.join(wrong)}; {hint}")
     return found.to(config.device)
 
 
@@ -78,19 +81,26 @@ def check_made(config: DictConfig, subtask: int | None, kind: str) -> None:
             episodes, or another noise. The noise is compared where a file says it.
         InvalidValueError: demonstrations.may_differ names what is no setting.
     """
-    path, asked = demonstrations_path(config, subtask, kind), config.demonstrations
+    path = demonstrations_path(config, subtask, kind)
     made = read_made(path)
     found = {"task": made.header["task"], "subtask": made.header["subtask"], "kind": made.header["kind"]}
     wrong = differences(found, {"task": config.task.name, "subtask": subtask, "kind": kind})
     wrong += _other_settings(config, made.header["arguments"])
-    if made.episodes != asked.episodes:
-        wrong.append(f"it has {made.episodes} episodes, and demonstrations.episodes is {asked.episodes}")
-    if kind == "noisy" and made.noise not in (None, asked.noise):
-        wrong.append(f"it was made with a noise of {made.noise}, and demonstrations.noise is {asked.noise}")
+    wrong += _otherwise_made(config, kind, made.episodes, made.noise)
     if wrong:
         raise DemonstrationError(
             f"{path}: {'; '.join(wrong)}; delete it, or set resume=false, to make it again"
         )
+
+
+def _otherwise_made(config: DictConfig, kind: str, episodes: int, noise: float | None) -> list[str]:
+    """Readable differences between how many demonstrations there are, and of which noise, and the config's."""
+    asked, wrong = config.demonstrations, []
+    if episodes != asked.episodes:
+        wrong.append(f"it has {episodes} episodes, and demonstrations.episodes is {asked.episodes}")
+    if kind == "noisy" and noise not in (None, asked.noise):
+        wrong.append(f"it was made with a noise of {noise}, and demonstrations.noise is {asked.noise}")
+    return wrong
 
 
 def _other_settings(config: DictConfig, arguments: Mapping[str, Any]) -> list[str]:
