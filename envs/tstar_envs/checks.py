@@ -20,6 +20,20 @@ def whole_number(name: str, value: Any, least: int, most: int | None = None) -> 
     return int(value)
 
 
+def subtask_number(furniture: str, value: Any, steps: int) -> int | None:
+    """Returns the number of a subtask, 0-based, as an int; None, the whole task, as it is.
+
+    Raises:
+        ValueError: it is no number of one of the furniture's `steps`.
+    """
+    number = isinstance(value, numbers.Integral) and not isinstance(value, bool)
+    if value is not None and not (number and 0 <= int(value) < steps):
+        raise ValueError(
+            f"subtask of {furniture} must be None (the whole task) or in 0..{steps - 1}, got {value!r}"
+        )
+    return None if value is None else int(value)
+
+
 def finite_number(name: str, value: Any) -> float:
     """Returns `value` as a float.
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import numbers
 from collections.abc import Mapping
 from typing import Any
 
@@ -13,7 +12,7 @@ import torch
 from tensordict import TensorDict
 from torch import Tensor
 
-from tstar_envs.checks import whole_number
+from tstar_envs.checks import subtask_number, whole_number
 from tstar_envs.experts.assembler import Assembler
 from tstar_envs.furniture import Furniture, library
 from tstar_envs.look import build_drawn_model
@@ -61,13 +60,7 @@ class BatchedEnvironment:
     ):  # fmt: skip
         self.furniture = name if isinstance(name, Furniture) else library.load(name)
         self.name = name = self.furniture.name
-        numbered = isinstance(subtask, numbers.Integral) and not isinstance(subtask, bool)
-        if subtask is not None and not (numbered and 0 <= subtask < len(self.furniture.steps)):
-            raise ValueError(
-                f"subtask of {name} must be None (the whole task) or in 0..{len(self.furniture.steps) - 1}, "
-                f"got {subtask!r}"
-            )
-        subtask = None if subtask is None else int(subtask)
+        subtask = subtask_number(name, subtask, len(self.furniture.steps))
         num_sims = whole_number("the number of simulations", num_sims, 1)
         nthread = whole_number("nthread (0: all cores)", nthread, 0)
         self.settings = (
@@ -140,7 +133,7 @@ class BatchedEnvironment:
         """
         mask = self._read(mask)
         snapshot = self._checked(snapshot, mask)
-        self._check_subtask(snapshot["task", "subtask"][mask])
+        self._check.begins(snapshot["task", "subtask"][mask], self.subtask)
         self._put(snapshot, mask)
         self.task.begin_subtask(self.state, mask)
         self.task.begin_episode(self.state, mask)
@@ -242,15 +235,6 @@ class BatchedEnvironment:
         self.physics.set_state(snapshot["physics"], snapshot["welds"], mask)
         assign(self.state, {name: snapshot["task", name] for name in self.state}, mask)
         self._begun.add(mask)
-
-    def _check_subtask(self, found: Tensor) -> None:
-        wrong = found >= self.num_subtasks if self.subtask is None else found != self.subtask
-        if bool(wrong.any()):
-            asked = "the whole task" if self.subtask is None else f"subtask {self.subtask}"
-            raise ValueError(
-                f"episodes of {asked} of {self.name} cannot start from snapshots of subtask "
-                f"{found[wrong][0].item()}; take states in which a subtask of theirs begins"
-            )
 
     def _read(self, mask: Tensor | None) -> Tensor:
         """A mask of simulations (N,) as a caller gave it; None is all of them."""

@@ -120,6 +120,20 @@ class SnapshotCheck:
                 "its welds are those of other furniture, or of an earlier file of this one"
             )
 
+    def begins(self, found: Tensor, subtask: int | None) -> None:
+        """Checks that episodes of `subtask` (None: the whole task) can begin in snapshots that are at `found` (n,).
+
+        Raises:
+            ValueError: one is at another subtask, or has nothing left to assemble.
+        """
+        wrong = found >= self.tables.num_steps if subtask is None else found != subtask
+        if bool(wrong.any()):
+            asked = "the whole task" if subtask is None else f"subtask {subtask}"
+            raise ValueError(
+                f"episodes of {asked} of {self.name} cannot start from snapshots of subtask "
+                f"{found[wrong][0].item()}; take states in which a subtask of theirs begins"
+            )
+
     def _joins(self, welds: Tensor) -> Tensor:
         """(N, K): whether a weld brings the connectors of its step together."""
         moving, target = self.tables.moving_connector[:, :3], self.tables.target_connector[:, :3]

@@ -4,24 +4,11 @@ import pandas as pd
 import pytest
 import yaml
 from hydra import compose, initialize_config_dir
+from small_experiment import SMALL
 
 from tstar_rl.config.values import CONFIGS, plain
 from tstar_rl.launch.experiment import publish, with_bonus, without_bonus
 from tstar_rl.launch.experiment_values import parse_experiment
-
-SMALL = {
-    "name": "small",
-    "page": "docs/method.md",
-    "scale": "quick",
-    "tasks": ["table_lack"],
-    "seeds": [7, 8],
-    "arms": [
-        {"name": "no_finetuning", "recipe": "no_finetuning"},
-        {"name": "paid", "recipe": "policy_sequencing", "bonus_of": "tstar"},
-        {"name": "tstar", "recipe": "tstar", "overrides": ["d_omega.steps=3"]},
-        {"name": "gaussian", "recipe": "policy_sequencing", "seeds": [8]},
-    ],
-}
 
 
 def test_the_steps_of_a_seed():
@@ -159,68 +146,6 @@ def test_a_task_may_have_more_seeds():
 def test_a_task_may_have_other_seeds_than_the_rest():
     experiment = parse_experiment({**SMALL, "seeds_by_task": {"table_lack": [8]}})
     assert experiment.lanes() == [("table_lack", 8)]
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"tasks": ["nix"]}, "a task must be one of .*got 'nix'"),
-        (
-            {"tasks": ["table_lack", "table_lack"]},
-            "experiment.tasks must name at least one, and each once; got table_",
-        ),
-        ({"tasks": "table_lack"}, "experiment.tasks must be a list, each text, got 'table_lack'"),
-        ({"seeds": ["01"]}, "experiment.seeds must be a list, each a whole number, got"),
-        ({"seeds": 3}, "experiment.seeds must be a list, each a whole number, got 3"),
-        ({"seeds": [-1]}, r"experiment.seeds must be a list of whole numbers from 0, got \(-1,\)"),
-        ({"seeds": [7, 7]}, "experiment.seeds must name at least one, and each once; got 7, 7"),
-        ({"seeds": []}, "experiment.seeds must name at least one, and each once; got none"),
-        (
-            {"seeds_by_task": {"table_lack": 3}},
-            "experiment.seeds_by_task.table_lack must be a list of whole numb",
-        ),
-        ({"seeds_by_task": [3]}, "experiment.seeds_by_task must be a section, got"),
-        (
-            {"overrides": "chain.rounds=1"},
-            "experiment.overrides must be a list, each text, got 'chain.rounds=1'",
-        ),
-        ({"arms": []}, "experiment.arms must name at least one, got none"),
-        ({"arms": ["tstar"]}, "experiment.arms must be a list, each a section, got"),
-        ({"arms": [{"name": "a", "recipe": "nix"}]}, "a has the recipe nix; there is no recipes/nix.py"),
-        ({"arms": [{"name": "a", "recipe": "tstar", "skills": "nix"}]}, "a has the recipe nix"),
-        (
-            {"arms": [{"name": "a", "recipe": "tstar", "seeds": [8, -8]}]},
-            "seeds of a must be a list of whole numbers",
-        ),
-        (
-            {"arms": [{"name": "a", "recipe": "tstar", "overrides": "x=1"}]},
-            "an arm of the experiment.overrides must",
-        ),
-        ({"seeds_by_task": {"toy_table": [7]}}, "seeds_by_task names toy_table; tasks are table_lack"),
-        ({"arm": []}, "experiment has no arm; it has name, page, scale"),
-        ({"arms": [{"name": "a"}]}, "an arm of the experiment lacks recipe"),
-        ({"arms": [{"name": "a", "recipe": "tstar"}] * 2}, "two arms of one name: a, a"),
-        (
-            {"arms": [{"name": "a", "recipe": "no_finetuning"}]},
-            "a trains nothing, so call it no_finetuning...",
-        ),
-        (
-            {"arms": [{"name": "a", "recipe": "tstar", "skills_of": "b"}, {"name": "b", "recipe": "tstar"}]},
-            "a has the skills of b; .* arms with skills of their own are none",
-        ),
-        (
-            {"arms": [{"name": "a", "recipe": "policy_sequencing", "bonus_of": "b"}]},
-            "a has the bonus of b; seed 7 has a",
-        ),
-        (
-            {"arms": [{"name": "a", "recipe": "policy_sequencing", "bonus_of": "a"}]},
-            "a has the bonus of a, which is paid another's itself",
-        ),
-    ],
-)
-def test_what_is_no_experiment_is_refused(change, message):
-    with pytest.raises(ValueError, match=message):
-        parse_experiment({**SMALL, **change})
 
 
 def test_a_bonus_is_known_once_its_arm_is_trained(tmp_path):

@@ -1,0 +1,68 @@
+"""The values of a declared experiment are checked before anything runs."""
+
+import pytest
+from small_experiment import SMALL
+
+from tstar_rl.launch.experiment_values import parse_experiment
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"tasks": ["nix"]}, "a task must be one of .*got 'nix'"),
+        (
+            {"tasks": ["table_lack", "table_lack"]},
+            "experiment.tasks must name at least one, and each once; got table_",
+        ),
+        ({"tasks": "table_lack"}, "experiment.tasks must be a list, each text, got 'table_lack'"),
+        ({"seeds": ["01"]}, "experiment.seeds must be a list, each a whole number, got"),
+        ({"seeds": 3}, "experiment.seeds must be a list, each a whole number, got 3"),
+        ({"seeds": [-1]}, r"experiment.seeds must be a list of whole numbers from 0, got \(-1,\)"),
+        ({"seeds": [7, 7]}, "experiment.seeds must name at least one, and each once; got 7, 7"),
+        ({"seeds": []}, "experiment.seeds must name at least one, and each once; got none"),
+        (
+            {"seeds_by_task": {"table_lack": 3}},
+            "experiment.seeds_by_task.table_lack must be a list of whole numb",
+        ),
+        ({"seeds_by_task": [3]}, "experiment.seeds_by_task must be a section, got"),
+        (
+            {"overrides": "chain.rounds=1"},
+            "experiment.overrides must be a list, each text, got 'chain.rounds=1'",
+        ),
+        ({"arms": []}, "experiment.arms must name at least one, got none"),
+        ({"arms": ["tstar"]}, "experiment.arms must be a list, each a section, got"),
+        ({"arms": [{"name": "a", "recipe": "nix"}]}, "a has the recipe nix; there is no recipes/nix.py"),
+        ({"arms": [{"name": "a", "recipe": "tstar", "skills": "nix"}]}, "a has the recipe nix"),
+        (
+            {"arms": [{"name": "a", "recipe": "tstar", "seeds": [8, -8]}]},
+            "seeds of a must be a list of whole numbers",
+        ),
+        (
+            {"arms": [{"name": "a", "recipe": "tstar", "overrides": "x=1"}]},
+            "an arm of the experiment.overrides must",
+        ),
+        ({"seeds_by_task": {"toy_table": [7]}}, "seeds_by_task names toy_table; tasks are table_lack"),
+        ({"arm": []}, "experiment has no arm; it has name, page, scale"),
+        ({"arms": [{"name": "a"}]}, "an arm of the experiment lacks recipe"),
+        ({"arms": [{"name": "a", "recipe": "tstar"}] * 2}, "two arms of one name: a, a"),
+        (
+            {"arms": [{"name": "a", "recipe": "no_finetuning"}]},
+            "a trains nothing, so call it no_finetuning...",
+        ),
+        (
+            {"arms": [{"name": "a", "recipe": "tstar", "skills_of": "b"}, {"name": "b", "recipe": "tstar"}]},
+            "a has the skills of b; .* arms with skills of their own are none",
+        ),
+        (
+            {"arms": [{"name": "a", "recipe": "policy_sequencing", "bonus_of": "b"}]},
+            "a has the bonus of b; seed 7 has a",
+        ),
+        (
+            {"arms": [{"name": "a", "recipe": "policy_sequencing", "bonus_of": "a"}]},
+            "a has the bonus of a, which is paid another's itself",
+        ),
+    ],
+)
+def test_what_is_no_experiment_is_refused(change, message):
+    with pytest.raises(ValueError, match=message):
+        parse_experiment({**SMALL, **change})
