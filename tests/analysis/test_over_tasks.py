@@ -137,7 +137,7 @@ def test_one_task_has_no_such_section(tmp_path):
     contents(root)  # the reference is not asked for
     page = results_page(root, PAPER, "")
     assert "over all tasks" not in page and "### The shelf: long" in page
-    assert "`long`\n\n| arm |" in results_head(root, PAPER, "")
+    assert "`long`\n\n| chain |" in results_head(root, PAPER, "")
     (entry,) = read_contents(root).experiments
     assert draw_over_tasks(read_experiment(root / "shelf"), PAPER, entry, tmp_path) == []
 

@@ -18,11 +18,13 @@ def test_the_shelf_holds_what_it_should():
     asked = {"table_lack", "chair_ingolf", "chair_agne", "chair_bernhard", "toy_table", "table_dockstra"}
     assert asked <= set(pieces) and len(pieces) >= 8
     assert any(len(piece.steps) == 7 and len(piece.parts) == 8 for piece in pieces.values())
-    page = (ROOT / "docs" / "furniture_shelf.md").read_text()
+    page, readme = ((ROOT / name).read_text() for name in ("docs/furniture_shelf.md", "README.md"))
     for name, piece in pieces.items():
         config = yaml.safe_load((ROOT / "configs" / "task" / f"{name}.yaml").read_text())
         assert (config["name"], config["subtasks"]) == (name, len(piece.steps))
-        assert f"`{name}`" in page and (ROOT / "docs" / "figures" / "shelf" / f"{name}.png").is_file()
+        row = f"| `{name}` | {len(piece.parts)} | {len(piece.steps)} |"
+        assert row in page and row in readme
+        assert (ROOT / "docs" / "figures" / "shelf" / f"{name}.png").is_file()
 
 
 @pytest.mark.parametrize("name", names())

@@ -105,7 +105,7 @@ def short_table(experiment: Experiment, paper: Paper, task: str, shown: Collecti
         ]
         lines.append([arm_label(paper, str(arm)), *spans, _gap(gaps, str(arm))[1], f"{row['seeds']:.0f}"])
     starred = STARRED if any("\\*" in line[-2] for line in lines) else ""
-    return table(["arm", "progress [95%]", "success [95%]", "hand-over gap", "seeds"], lines) + starred
+    return table(["chain", "progress [95%]", "success [95%]", "hand-over gap", "seeds"], lines) + starred
 
 
 def comparison_table(experiment: Experiment, paper: Paper, entry: Entry, task: str) -> str:
