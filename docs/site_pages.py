@@ -17,8 +17,10 @@ from mkdocs.structure.pages import Page
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = {"tstar_rl": ROOT / "tstar_rl", "tstar_envs": ROOT / "envs" / "tstar_envs"}
 COPIED = {"README.md": "index.md", "CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md"}
-FIRST = ("method.md", "task.md", "notation.md", "results.md", "every_run.md")
+FIRST = ("usage.md", "watch.md", "library.md", "method.md", "task.md", "notation.md", "results.md")
 """Pages of docs/ that the navigation names first, in this order."""
+LAST = ("every_run.md",)
+"""Pages of docs/ that it names after all others."""
 NOT_SHOWN = ("results_notes.md",)
 LINK = re.compile(
     r"(?P<head>!?\[[^\]]*\]\(|\bsrc=\")(?P<target>[^)\"\s#]+)(?P<tail>#[^)\"\s]*)?(?P<end>\)|\")"
@@ -37,11 +39,12 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
     config.nav = [
         {"Home": "index.md"},
         *[name for name in FIRST if name in pages],
-        *sorted(pages - set(FIRST)),
+        *sorted(pages - {*FIRST, *LAST}),
         *folders,
         {"Decisions": ["decisions/index.md", *decisions]},
         {"Notebooks": [f"notebooks/{path.name}" for path in notebooks()]},
         {"Recipes": "recipes.md"},
+        *[name for name in LAST if name in pages],
         {"Reference": [{name: [uri for uri, _ in reference(name)]} for name in PACKAGES]},
         {"Contributing": "contributing.md"},
         {"Changelog": "changelog.md"},
