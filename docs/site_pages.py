@@ -98,8 +98,10 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
 
 
 def notebooks() -> list[Path]:
-    """The notebooks, in the order of their names."""
-    return sorted((ROOT / "notebooks").glob("*.ipynb"))
+    """The notebooks, the first steps first, then in the order of their names."""
+    return sorted(
+        (ROOT / "notebooks").glob("*.ipynb"), key=lambda path: (path.stem != "first_steps", path.name)
+    )
 
 
 def decision_index() -> str:

@@ -13,7 +13,9 @@ from nbclient import NotebookClient
 from tstar_rl.analysis import variants
 
 ROOT = Path(__file__).resolve().parents[2]
-NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
+FIRST_STEPS = ROOT / "notebooks" / "first_steps.ipynb"
+NOTEBOOKS = sorted(set((ROOT / "notebooks").glob("*.ipynb")) - {FIRST_STEPS})
+"""Those that read tables."""
 each = pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 of_ablations = pytest.mark.parametrize("name", variants.names())
 of_ablations_one_fast = pytest.mark.parametrize(
@@ -67,12 +69,17 @@ def test_every_ablation_has_a_notebook():
     assert {path.stem for path in NOTEBOOKS} >= set(variants.names())
 
 
-@each
-def test_it_is_kept_without_outputs_and_reads_tables_alone(path):
+def code_without_outputs(path: Path) -> list:
     notebook = nbformat.read(path, as_version=4)
     nbformat.validate(notebook)
     cells = [cell for cell in notebook.cells if cell.cell_type == "code"]
     assert all(not cell.outputs and cell.execution_count is None for cell in cells), "strip its outputs"
+    return cells
+
+
+@each
+def test_it_is_kept_without_outputs_and_reads_tables_alone(path):
+    cells = code_without_outputs(path)
     source = "\n".join(line for cell in cells for line in cell.source.splitlines() if line[:1] != "%")
     imported = {node.module for node in ast.walk(ast.parse(source)) if isinstance(node, ast.ImportFrom)}
     assert imported <= {"tstar_rl.analysis"}
@@ -107,3 +114,14 @@ def test_it_runs_on_the_committed_tables(path, kernel):
     else:
         assert "verdict" in text and pictures >= 2
         assert re.search(r" (higher|lower|no clear difference) *$", text, re.MULTILINE)
+
+
+def test_first_steps_are_kept_without_outputs():
+    assert code_without_outputs(FIRST_STEPS)
+
+
+@pytest.mark.slow
+def test_first_steps_show_a_chain_that_fails_and_the_same_mended(kernel):
+    text, pictures = run(FIRST_STEPS, kernel, ROOT / "notebooks")
+    shares = dict(re.findall(r"^narrow_(\w+): ([\d.]+) of the subtasks", text, re.MULTILINE))
+    assert float(shares["failing"]) < 0.8 and float(shares["mended"]) > 0.9 and pictures >= 2
