@@ -225,6 +225,18 @@ def test_a_recipe_loads_nothing_before_its_main(tmp_path):
     assert imported(f"for path in {paths!r}: runpy.run_path(path)", tmp_path) == "\n"
 
 
+def test_a_recipe_without_values_is_told_where_they_belong(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["mine.py"])
+    with pytest.raises(
+        SystemExit, match=r"the recipe mine needs a file of its values, .*/configs/recipe/mine.yaml"
+    ):
+        recipe("mine")(lambda config: None)()
+    monkeypatch.setattr("tstar_rl.config.load.CONFIGS", tmp_path / "configs")
+    with pytest.raises(SystemExit, match=r"a recipe needs a clone, .*there is no .*configs"):
+        recipe("mine")(lambda config: None)()
+
+
 def test_as_a_user_sees_it(tmp_path):
     variables = {name: value for name, value in environ().items() if name != FULL_ERROR}
     called = command("gail_ppo", "subtask=-1")

@@ -71,6 +71,8 @@ def command_line(body: Body, configs: Path, name: str, check: Check) -> Callable
     def main(config: DictConfig | None = None) -> None:
         if config is not None:
             return body(config)
+        if not configs.is_dir():
+            raise SystemExit(f"a recipe needs a clone, installed with pip install -e: there is no {configs}")
         if os.environ.get(FULL_ERROR) == "1":
             return start(body)
         if {"--help", "-h"} & set(sys.argv[1:]):
@@ -120,7 +122,7 @@ def _in_words(error: Exception, configs: Path, name: str, check: Check) -> str:
     """What the command line should have been."""
     text = " ".join(str(error).split())
     if isinstance(error, MissingConfigException) and error.missing_cfg_file:
-        return _missing_file(Path(error.missing_cfg_file), configs)
+        return _missing_file(Path(error.missing_cfg_file), configs, name)
     if isinstance(error, OverrideParseException):
         return f"cannot read {error.override!r}: write key=value, lists as [1,2], null for nothing"
     unknown = re.match(r"Could not override '([^']+)'", text)
@@ -130,9 +132,11 @@ def _in_words(error: Exception, configs: Path, name: str, check: Check) -> str:
     return f"{text} ({' '.join(str(cause).split())})" if cause and str(cause) not in text else text
 
 
-def _missing_file(missing: Path, configs: Path) -> str:
-    """For an option that a group has no file for."""
+def _missing_file(missing: Path, configs: Path, name: str) -> str:
+    """For an option that a group has no file for, or a recipe (`name`) without one."""
     group, option = missing.parent.as_posix(), missing.name.removesuffix(".yaml")
+    if missing == Path("recipe", name):
+        return f"the recipe {name} needs a file of its values, {configs / missing}.yaml, which is not there"
     valid = sorted(path.stem for path in (configs / group).glob("*.yaml"))
     if not valid:
         groups = sorted(path.name for path in configs.iterdir() if path.is_dir())
