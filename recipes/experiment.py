@@ -24,6 +24,7 @@ from omegaconf import DictConfig
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.load import recipe
 from tstar_rl.config.values import plain
+from tstar_rl.launch.backends import check_local
 from tstar_rl.launch.code_of_commit import code_of_commit, configs_of
 from tstar_rl.launch.experiment import DeclaredExperiment, publish, with_bonus, without_bonus
 from tstar_rl.launch.experiment_values import parse_experiment
@@ -47,6 +48,7 @@ def main(config: DictConfig) -> None:
     """Runs a lane for each task and seed; a lane that waits for a bonus finds it when it gets there."""
     if config.experiment is None:
         raise InvalidValueError("say which: experiment=<name> of configs/experiment")
+    check_local(config.launch, "experiment.py")
     declared = parse_experiment(plain(config)["experiment"])
     declared.check_arms(config.arms or ())
     end = math.inf if config.minutes is None else time.monotonic() + 60 * config.minutes

@@ -15,9 +15,9 @@ import tstar_rl as rl
 @rl.recipe("floored", floor=float, from_checkpoint=str)
 def main(config: DictConfig) -> None:
     """Raises the floor of every skill and saves the chain; logs how many inputs stood below it."""
+    skills = rl.load_skills(config, checkpoint=config.from_checkpoint)
     run = rl.Run(rl.plain(config))
     run.start()
-    skills = rl.load_skills(config, checkpoint=config.from_checkpoint)
     for index, skill in enumerate(skills):
         run.log(0, skill=index, raised_inputs=skill.normalizer.raise_to(config.floor))
     rl.save_chain(skills, run.work / "last", recipe=config.system, env_steps=0)

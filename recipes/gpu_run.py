@@ -15,9 +15,12 @@ from pathlib import Path
 
 import pandas as pd
 from hydra import compose
+from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.load import recipe
+from tstar_rl.launch.backends import check_local
 from tstar_rl.launch.side_by_side import Step, run_recipe
 from tstar_rl.launch.steps import is_done, passed_on, run_folder, step_config, step_files
 from tstar_rl.runs import checkpoint
@@ -31,6 +34,9 @@ MORE = 75  # EX_TEMPFAIL: call again
 @recipe("gpu_run", minutes=float, scales=tuple[str, ...], video=bool)
 def main(config: DictConfig) -> None:
     """Takes the steps that are missing, one after another, until the time is over."""
+    check_local(config.launch, "gpu_run.py")
+    if any(value.startswith("scale=") for value in HydraConfig.get().overrides.task):
+        raise InvalidValueError("gpu_run.py takes scales=[...], one after another; leave scale=... out")
     end, whole = time.monotonic() + 60 * config.minutes, True
     given = passed_on(OWN)
     for scale in config.scales:

@@ -21,11 +21,11 @@ def main(config: DictConfig) -> None:
         raise InvalidValueError(
             "normalisers see the ends of episodes: chain.path_steps must be at least 1, got 0"
         )
-    run = rl.Run(rl.plain(config))
-    run.start()
     skills, chain = rl.load_skills(config, checkpoint=config.from_checkpoint), config.chain
     seed = rl.derive_seed(config.seed, "harvest")
     env = rl.environment(config, None, chain.trial_episodes, seed, max_steps=chain.trial_max_steps)
+    run = rl.Run(rl.plain(config))
+    run.start()
     trial = rl.run_trial(skills, env, chain.path_steps)
     for index, (skill, found) in enumerate(zip(skills, trial.skills, strict=True)):
         run.log(trial.steps(), skill=index, widened_inputs=skill.normalizer.widen(found.path.states))

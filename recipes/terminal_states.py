@@ -19,8 +19,11 @@ def main(config: DictConfig) -> None:
     """Reads, draws and prints."""
     table = read_terminal_states(config.results_dir, config.task.name, config.systems)
     if table.empty:
-        found = f"no terminal_states.csv of {', '.join(config.systems)} below {config.results_dir}"
-        raise SystemExit(f"{found}/{config.task.name}: a chain with chain.logged_states > 0 logs it")
+        place = f"{config.results_dir}/{config.task.name}"
+        raise SystemExit(
+            f"no terminal_states.csv of {', '.join(config.systems)} below {place}: "
+            "a chain logs chain.logged_states of the skill chain.logged_skill"
+        )
     table, shares = add_plane(table)
     place = Path(config.results_dir) / config.task.name
     numbers = spread(table)

@@ -71,12 +71,13 @@ def test_an_unknown_ablation_is_named():
         variants.read("lamda_3")
 
 
-def test_a_step_that_fails_ends_its_lane_alone(monkeypatch):
+@pytest.mark.parametrize("failure", [SystemExit("this step failed: bad"), OSError("this step failed: bad")])
+def test_a_step_that_fails_ends_its_lane_alone(monkeypatch, failure):
     done = []
 
     def run_recipe(step, shared, line):
         if step == ("bad",):
-            raise SystemExit("this step failed: bad")
+            raise failure
         done.append(step[0])
 
     monkeypatch.setattr(side_by_side, "run_recipe", run_recipe)

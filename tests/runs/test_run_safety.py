@@ -140,3 +140,27 @@ def test_a_commit_says_whether_the_code_differs_from_it(tmp_path, monkeypatch):
     assert versions.commit() == clean
     (tmp_path / "new.py").write_text("")
     assert versions.commit() == f"{clean}-dirty"
+
+
+def test_a_run_that_begins_anew_leaves_nothing_of_the_one_before(tmp_path):
+    module = a_run_that_saved(tmp_path)
+    work, table = (tmp_path / root / "table/chain/seed0" for root in ("runs", "results"))
+    for name in ("last", "best"):
+        checkpoint.save(work / name, {"module": module}, {})
+    (table / "evaluation.csv").write_text("checkpoint,success\nlast,1.0\n")
+    assert a_run(tmp_path).start(module=module) == 10 and (work / "last").is_dir()
+    assert a_run(tmp_path, resume=False).start(module=module) == 0
+    left = {path.name for path in (*work.iterdir(), *table.iterdir())}
+    assert not left & {"last", "best", "checkpoints", "evaluation.csv"} and "config.yaml" in left
+
+
+def test_two_runs_do_not_write_one_results_folder(tmp_path):
+    results = str(tmp_path / "results/table/chain/seed0")
+    first = other_process("print('held', flush=True); input()", results)
+    assert first.stdout.readline() == "held\n"
+    with pytest.raises(RunInUseError, match=r"results/table/chain/seed0 is in use by process"):
+        a_run(tmp_path)
+    work = other_process("print('free')", str(tmp_path / "runs/table/chain/seed0"))
+    assert work.communicate()[0] == "free\n"  # it did not keep what it got
+    first.kill()
+    first.wait()

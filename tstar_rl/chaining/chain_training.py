@@ -65,6 +65,7 @@ class ChainTraining:
         gate: judges each turn.
         save: writes the chain under a name, at a number of steps.
         turn_order: says whose turn it is.
+        made: names of the updates that any turn has made.
         learned: labelled networks that a turn has trained and that were not put back, as "<index>/<name>".
     """
 
@@ -78,6 +79,7 @@ class ChainTraining:
     gate: Gate
     save: Callable[[str, int], None] = lambda name, steps: None
     turn_order: TurnOrder = field(init=False)
+    made: set[str] = field(default_factory=set)
     learned: set[str] = field(default_factory=set)
     _kept: dict[int, dict[str, Any]] = field(default_factory=dict)
     _waiting: dict[str, Any] = field(default_factory=dict)
@@ -119,9 +121,8 @@ class ChainTraining:
         return self._kept.setdefault(index, {})
 
     def has_made(self, name: str) -> bool:
-        """Whether any skill has an update of that name, made in this process or waiting in a checkpoint."""
-        waiting = any(each.partition("/")[2] == name for each in self._waiting)
-        return waiting or any(name in kept for kept in self._kept.values())
+        """Whether any turn has made an update of that name, this one too."""
+        return name in self.made or any(name in kept for kept in self._kept.values())
 
     def restore(self, index: int, name: str) -> None:
         """Loads the state that a checkpoint had of something which has just been made."""
@@ -130,11 +131,14 @@ class ChainTraining:
             self._kept[index][name].load_state_dict(state)
 
     def end_turn(self, index: int) -> None:
-        """Drops what skill `index` does not carry over.
+        """Drops what skill `index` does not carry over, and the weights of the states that its episodes began in.
 
         Workers of a cluster are never carried over: the next turn's need their places.
         """
         kept = self._kept[index]
+        self.made |= kept.keys()
+        if index:
+            self.skills[index - 1].termination_set.weigh(None)
         if not self.settings.carry_over or isinstance(kept["collection"], RayCollection):
             kept.pop("collection").close()
         if not self.settings.carry_over:
@@ -161,10 +165,12 @@ class ChainTraining:
             for name, each in kept.items()
         }
         state = {"carried": {**self._waiting, **made}, "turn_order": self.turn_order.state_dict()}
-        return state | {"learned": sorted(self.learned)}
+        return state | {"made": sorted(self.made), "learned": sorted(self.learned)}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """What `state_dict` gave; each is loaded when its turn comes."""
         self._waiting = dict(state["carried"])
         self.turn_order.load_state_dict(state["turn_order"])
+        carried = {each.partition("/")[2] for each in self._waiting}
+        self.made = set(state.get("made", carried))  # a checkpoint of before has none
         self.learned = set(state.get("learned", ()))

@@ -72,7 +72,9 @@ KINDS_OF_NUMBERS = {
     "decay": "positive_share",
 }
 """Of each other number, its kind: see `checks.RANGES`."""
-NOT_EMPTY = ("checkpoints", "formats", "kinds", "modes", "only", "scales", "seeds", "systems", "tasks")
+NOT_EMPTY = (
+    "arms", "checkpoints", "formats", "kinds", "modes", "only", "scales", "seeds", "systems", "tasks", "variants",
+)  # fmt: skip
 """Lists that name what a recipe does."""
 CHOICES = {
     "launch": ("local", "ray"),
@@ -116,6 +118,9 @@ def check_ranges_of(values: Mapping[str, Any]) -> None:
     for seed in values.get("seeds") or ():
         if seed < 0:
             raise ConfigError(f"seeds must be whole numbers from 0, got {seed}")
+    for floor in values.get("floors") or ():
+        if not floor > 0:
+            raise ConfigError(f"floors must be positive, got {values['floors']}")
     every, gate = find(values, "chain.trial_every"), find(values, "chain.gate")
     if find(values, "chain.order") == "costliest" and not gate and every != 1:
         raise ConfigError(
@@ -129,10 +134,8 @@ def _check_task(task: str, subtasks: int, values: Mapping[str, Any]) -> None:
     if (subtask := values["subtask"]) is not None and not 0 <= subtask < subtasks:
         valid = f"null (the whole task) or in 0..{subtasks - 1}"
         raise ConfigError(f"subtask of {task} must be {valid}, got {subtask}")
-    if subtask is not None and _has(values, "from_checkpoint"):
-        raise ConfigError(
-            f"subtask must be null, got {subtask}: {values['system']} is of a chain; chain.links takes its first skills"
-        )
+    if subtask is not None and find(values, "whole"):
+        raise ConfigError(f"whole=true is of the whole task: subtask must be null, got {subtask}")
     check_links(find(values, "chain.links"), subtasks, task)
 
 

@@ -11,16 +11,16 @@ from tstar_rl.launch.cluster import run_on_cluster
 from tstar_rl.launch.side_by_side import run_recipe
 from tstar_rl.rollouts.cluster import ClusterSettings
 
-__all__ = ["launcher"]
+__all__ = ["check_local", "launcher"]
 
 
 def launcher(config: DictConfig) -> Callable[..., None]:
-    """What runs a recipe for another one, by launch: "local", a process here, or "ray", a task of a cluster.
-
-    Raises:
-        ValueError: if it is neither.
-    """
-    if config.launch not in ("local", "ray"):
-        raise InvalidValueError(f"launch must be local or ray, got {config.launch!r}")
+    """What runs a recipe for another one, by launch: "local", a process here, or "ray", a task of a cluster."""
     cluster = settings(ClusterSettings, config.cluster)
     return run_recipe if config.launch == "local" else partial(run_on_cluster, cluster, config.processes)
+
+
+def check_local(launch: str, recipe: str) -> None:
+    """Raises InvalidValueError unless launch is local, for a recipe that sends none of its steps to a cluster."""
+    if launch != "local":
+        raise InvalidValueError(f"{recipe} runs its recipes here: launch must be local, got {launch}")

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import traceback
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -81,6 +82,8 @@ def run_side_by_side(
                 (run or run_recipe)(step, shared, line)
         except (SystemExit, UserError) as failure:
             return str(failure)
+        except Exception as failure:  # of the program: the other lanes' hours are not lost to it
+            return "".join(traceback.format_exception(failure))
         finally:
             lines.put(line)
         return None

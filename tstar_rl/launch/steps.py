@@ -18,6 +18,7 @@ from omegaconf import DictConfig
 from tstar_rl.config.build import demonstrations_path
 from tstar_rl.config.chain import chain_length
 from tstar_rl.config.demonstrations import check_made, demonstrated
+from tstar_rl.config.load import ONE_POLICY
 from tstar_rl.config.values import plain
 from tstar_rl.launch.side_by_side import Step
 from tstar_rl.runs.checkpoint import CheckpointMismatchError, differences
@@ -26,9 +27,9 @@ from tstar_rl.runs.run_folder import UNTRAINED, run_path
 
 __all__ = ["evaluated_runs", "is_done", "missing", "passed_on", "run_folder", "step_config", "step_files"]
 
-ONE_POLICY = ("bc", "ppo", "gail", "gail_ppo", "spirl")
 CHAINING = ("chain", "terminal_reward", "d_omega", "skills")
-"""Sections that the recipes of `ONE_POLICY` do not read. They may change after such a run has finished."""
+"""Sections that the recipes of `ONE_POLICY` do not read (but chain.capacity, which a chain of their skills compares).
+They may change after such a run has finished."""
 
 
 def passed_on(own: Container[str]) -> list[str]:
@@ -53,12 +54,13 @@ def step_config(step: Step, shared: Sequence[str] = ()) -> DictConfig:
 
 
 def is_done(step: Step, shared: Sequence[str] = (), ignored: Sequence[str] = ()) -> bool:
-    """Whether a step need not be run: its files are there, and not older than what they are made from.
+    """Whether a step need not be run: its files are there, and are what the step would make.
 
     Demonstrations are done if their files are there, and hold what the step would make. A training is done if it has
-    finished. An evaluation is done if every run that it evaluates has finished before it, and its table has each
-    checkpoint that these have left, in all modes, with the number of episodes that is asked for. With resume=false
-    nothing is done.
+    finished with the same config; whether its demonstrations or skills were made again since is not asked: with one
+    config and one commit they are the same to the bit. An evaluation is done if every run that it evaluates has
+    finished before it, and its table has each checkpoint that these have left, in all modes, with the number of
+    episodes that is asked for. With resume=false nothing is done.
 
     Args:
         step: recipe and values.

@@ -133,15 +133,18 @@ class TerminationSet(StateSet):
 
     _weights, _weighed_at = torch.empty(0), -1
 
-    def weigh(self, weights: Tensor) -> None:
+    def weigh(self, weights: Tensor | None) -> None:
         """Draws states by these weights from now on, until the set changes. They are no part of the set's state.
 
         Args:
-            weights: (len(self),), in the order of `all()`; not negative, with a positive sum.
+            weights: (len(self),), in the order of `all()`; not negative, with a positive sum. None: alike again.
 
         Raises:
             ValueError: if there is not one such weight for each state.
         """
+        if weights is None:
+            self._weighed_at = -1
+            return
         fit = weights.shape == (len(self),) and bool((weights >= 0).all()) and float(weights.sum()) > 0
         if not fit:
             raise ValueError(

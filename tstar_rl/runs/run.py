@@ -36,6 +36,8 @@ MACHINE_ONLY = (
 )
 """Config values that do not change what a run computes."""
 LOGS = ("metrics", "terminal_states", "calibration", "timing")
+SAVED = ("last", "best", "prior")
+"""Names under which a run keeps what it has trained; "prior" is SPiRL's."""
 FOLLOWED = ("success_rate", "completed")
 """Columns of the metrics whose running means are kept."""
 WINDOW = 5
@@ -62,7 +64,7 @@ class Run:
         place = (config["task"]["name"], config["system"], config["seed"], subtask)
         self.results = run_path(config["results_dir"], *place)
         self.work = run_path(config["runs_dir"], *place)
-        lock.hold(self.work)
+        self._hold()
         self.record = {name: value for name, value in config.items() if name not in MACHINE_ONLY}
         self.record["subtask"] = subtask
         self.config, self.total, self.trials = config, total, trials
@@ -83,8 +85,19 @@ class Run:
             disable=not config["progress_bar"],
         )
 
+    def _hold(self) -> None:
+        """Takes both folders: runs with one results folder and two of work would write one table."""
+        lock.hold(self.work)
+        try:
+            lock.hold(self.results)
+        except lock.RunInUseError:
+            lock.release(self.work)
+            raise
+
     def start(self, **components: Any) -> int:
         """Names what a checkpoint holds, resumes from one if there is one, and returns the steps done so far.
+
+        A run that begins anew deletes what one before it has left under its name: checkpoints and evaluations.
 
         Raises:
             CheckpointMismatchError: when resuming a run that had another config.
@@ -96,7 +109,9 @@ class Run:
             checkpoint.put_back(self.work / name)
         found = checkpoint.latest(self.work / "checkpoints") if self.config["resume"] else None
         if found is None:
-            shutil.rmtree(self.work / "checkpoints", ignore_errors=True)
+            for name in ("checkpoints", *SAVED):
+                shutil.rmtree(self.work / name, ignore_errors=True)
+            (self.results / "evaluation.csv").unlink(missing_ok=True)
             for name in LOGS:
                 getattr(self, name).truncate(0)
             write_config(self.results, self.config)
@@ -215,4 +230,5 @@ class Run:
         with replacing(self.work / "finished.json") as partial:
             partial.write_text(json.dumps({"env_steps": self.env_steps, "minutes": self.seconds / 60}))
         lock.release(self.work)
+        lock.release(self.results)
         print(self.work, self.results / "metrics.csv", sep="\n", flush=True)
