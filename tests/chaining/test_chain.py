@@ -89,6 +89,20 @@ def test_episodes_begin_where_the_skill_before_ended(recipe, point_chain, monkey
         assert chained == 0 if index == 0 else 0.2 < chained < 0.9, (index, chained)
 
 
+def test_a_floor_that_the_skills_were_not_fitted_with_is_refused(point_chain, tmp_path):
+    place = tmp_path / "runs/table_lack/gail_ppo/seed0/subtask1/last"
+    skill = Skill.load(place)
+    assert skill.normalizer.floor_found() is None  # every input varied by more
+    skill.normalizer.fit(torch.linspace(-1, 1, 100).unsqueeze(-1) * torch.linspace(0, 1, 72), 0.05)
+    assert skill.normalizer.floor_found() == pytest.approx(0.05)
+    skill.save(place)
+    with pytest.raises(
+        CheckpointMismatchError, match="skill 1 of gail_ppo: normalizer.floor was 0.05 .* is 0.02 now"
+    ):
+        point_chain("tstar", "scale=laptop")
+    point_chain("tstar", "scale=laptop", "normalizer.floor=0.05", "chain.rounds=1")
+
+
 def test_a_chain_is_refitted_to_its_own_states(point_chain, tmp_path):
     """Skill 3 was fitted around x = 3.5; in the chain it begins at y > 0 alone, and the other inputs never vary."""
     table = point_chain("refitted", "scale=laptop", "chain.trial_episodes=16")

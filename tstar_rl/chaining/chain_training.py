@@ -165,12 +165,21 @@ class ChainTraining:
             for name, each in kept.items()
         }
         state = {"carried": {**self._waiting, **made}, "turn_order": self.turn_order.state_dict()}
-        return state | {"made": sorted(self.made), "learned": sorted(self.learned)}
+        networks = [
+            (index, *each) for index, skill in enumerate(self.skills) for each in skill.networks.items()
+        ]
+        coarse = [f"{index}/{name}" for index, name, network in networks if network.coarse]
+        return state | {"coarse": coarse, "made": sorted(self.made), "learned": sorted(self.learned)}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """What `state_dict` gave; each is loaded when its turn comes."""
         self._waiting = dict(state["carried"])
         self.turn_order.load_state_dict(state["turn_order"])
+        for place in state.get("coarse", ()):
+            index, _, name = place.partition("/")
+            self.skills[int(index)].networks[
+                name
+            ].coarse = True  # what trains it may not be made again before it pays
         carried = {each.partition("/")[2] for each in self._waiting}
         self.made = set(state.get("made", carried))  # a checkpoint of before has none
         self.learned = set(state.get("learned", ()))

@@ -1,5 +1,6 @@
 """From a checked config to the turns of a chain."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import asdict, fields
 from functools import partial
@@ -34,7 +35,8 @@ def chain_turns(config: DictConfig) -> Iterator[Turn]:
     """The turns of config.chain, from the skills of the system config.skills; see `chaining.turns`.
 
     Raises:
-        CheckpointMismatchError: if config.networks or config.chain.capacity are not what the skills have.
+        CheckpointMismatchError: if config.networks or config.chain.capacity are not what the skills have,
+            nor config.normalizer.floor, where their normalisers tell it.
     """
     skills = load_skills(config, checkpoint=config.from_checkpoint)
     for skill in skills:
@@ -63,7 +65,10 @@ def chain_turns(config: DictConfig) -> Iterator[Turn]:
 def _check_sizes(config: DictConfig, skill: Skill) -> None:
     built = {"networks": asdict(skill.settings), "chain": {"capacity": skill.initiation_set.capacity}}
     wanted = {"networks": plain(config.networks), "chain": {"capacity": config.chain.capacity}}
-    wrong = differences(built, wanted)
+    wrong, values = differences(built, wanted), config.normalizer
+    floor = None if values.running else skill.normalizer.floor_found()
+    if floor is not None and not math.isclose(floor, values.floor, rel_tol=1e-5):
+        wrong.append(f"normalizer.floor was {floor:.4g} when it was saved, and is {values.floor} now")
     if wrong:
         raise CheckpointMismatchError(
             f"skill {skill.subtask} of {config.skills}: {'; '.join(wrong)} (a chain keeps what its skills have)"

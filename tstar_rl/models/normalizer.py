@@ -66,6 +66,11 @@ class Normalizer(nn.Module):
         self.count.copy_(total)
         self.scale.copy_(self.var.sqrt().clamp_min(floor))
 
+    def floor_found(self) -> float | None:
+        """The floor that it was fitted with; None: no input varied less, so it cannot be told."""
+        raised = self.scale[self.var.sqrt() < self.scale]
+        return float(raised.min()) if len(raised) else None
+
     @torch.no_grad()
     def raise_to(self, floor: float) -> int:
         """Raises the deviations below `floor` to it, after the fact; returns how many there were.
