@@ -220,10 +220,9 @@ def assemble_row(config: DictConfig, given: Sequence[str]) -> Iterator[dict[str,
 
 
 def write(rows: Sequence[dict[str, Any]], path: Path) -> None:
-    """Writes and prints the table."""
-    table = pd.DataFrame(rows, columns=["measure", "value", "unit", "ratio_to_bare"])
-    path.parent.mkdir(parents=True, exist_ok=True)
-    table.to_csv(path, index=False)
+    """Writes the rows in the place of those of the same measures, and prints the table."""
+    columns = ["measure", "value", "unit", "ratio_to_bare"]
+    table = append_rows(path, pd.DataFrame(rows, columns=columns).to_dict("records"), ("measure",))
     print(table.to_string(index=False))
 
 

@@ -16,6 +16,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from multiprocessing import get_context
+from multiprocessing.connection import wait
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,7 @@ from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 from tqdm import tqdm
 
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.build import environment, make_collection, new_skill
 from tstar_rl.config.load import recipe
 from tstar_rl.config.values import CONFIGS
@@ -71,8 +73,11 @@ def measured(given: Sequence[str], size: int, processes: int, threads: int) -> d
         threads: of each.
 
     Raises:
+        InvalidValueError: if the processes cannot have as many simulations each.
         RuntimeError: if a process ended without a result.
     """
+    if size % processes:
+        raise InvalidValueError(f"{size} simulations cannot be divided among {processes} processes")
     row = {"num_envs": size, "processes": processes, "threads": threads, "load": round(os.getloadavg()[0], 1)}
     spawn = get_context("spawn")
     together, pipes, children = spawn.Barrier(processes), [], []
@@ -83,9 +88,14 @@ def measured(given: Sequence[str], size: int, processes: int, threads: int) -> d
         children[-1].start()
         theirs.close()
         pipes.append(ours)
+    found: dict[Any, tuple[float, float, float]] = {}
     try:
-        rates, seconds, megabytes = zip(*(pipe.recv() for pipe in pipes), strict=True)
+        while len(found) < processes:
+            for pipe in wait([pipe for pipe in pipes if pipe not in found]):
+                found[pipe] = pipe.recv()
+        rates, seconds, megabytes = zip(*found.values(), strict=True)
     except EOFError:
+        together.abort()  # the others wait there for the one that has ended
         raise RuntimeError(f"a process of {size // processes} simulations ended early") from None
     finally:
         for child in children:

@@ -29,7 +29,7 @@ from tstar_rl.config.load import recipe
 from tstar_rl.config.pretrained import take_pretrained
 from tstar_rl.config.values import plain
 from tstar_rl.launch.steps import evaluated_runs, run_folder
-from tstar_rl.rollouts.episodes import check_modes, evaluate, same_policy
+from tstar_rl.rollouts.episodes import evaluate, same_policy
 from tstar_rl.rollouts.recorder import Recorder
 from tstar_rl.runs.checkpoint import is_checkpoint
 from tstar_rl.runs.csv_tables import append_rows
@@ -55,7 +55,6 @@ class Candidate(NamedTuple):
 )  # fmt: skip
 def main(config: DictConfig) -> None:
     """Evaluates, prints the table and adds it to evaluation.csv."""
-    check_modes(config.modes)
     results, candidates = _candidates(config, HydraConfig.get().overrides.task)
     rows, policies, film = [], {}, config.video and config.evaluation.recorded != 0
     for name, (policy, subtask, links, spent) in candidates.items():

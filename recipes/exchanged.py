@@ -16,7 +16,7 @@ from tstar_rl.analysis.figures import exchanged_figure, save_figure
 from tstar_rl.config.chain import load_skills
 from tstar_rl.config.load import recipe
 from tstar_rl.config.seams import chain_of, env_at_seam
-from tstar_rl.intervals import wilson_interval
+from tstar_rl.intervals import share_columns
 from tstar_rl.runs.csv_tables import append_rows
 from tstar_rl.seams.exchange import exchange_skills
 from tstar_rl.seeds import evaluation_seed
@@ -29,7 +29,7 @@ def main(config: DictConfig) -> None:
     make = partial(env_at_seam, config, evaluation_seed(config.seed, "exchange"))
     rows = []
     for each in exchange_skills(before, after, make, config.evaluation.episodes):
-        rows.append(each._asdict() | _success(each.taken, each.handed))
+        rows.append(each._asdict() | share_columns("success", each.taken, each.handed))
     chain = {"system": config.system, "seed": config.seed, "checkpoint": config.checkpoint}
     place = Path(config.results_dir) / config.task.name
     table = append_rows(
@@ -40,13 +40,6 @@ def main(config: DictConfig) -> None:
     print(table.round(3).to_string(index=False))
     shown = table[table["checkpoint"] == config.checkpoint]
     print(save_figure(exchanged_figure(shown), place / "exchanged.png"))
-
-
-def _success(taken: int, handed: int) -> dict[str, float]:
-    """The share with its interval; NaN where nothing was handed over."""
-    nothing = float("nan")
-    low, high = wilson_interval(taken, handed) if handed else (nothing, nothing)
-    return {"success": taken / handed if handed else nothing, "success_low": low, "success_high": high}
 
 
 if __name__ == "__main__":

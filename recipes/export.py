@@ -28,7 +28,7 @@ from tstar_rl.demonstrations.formats import (
     write_hdf5,
     write_minari,
 )
-from tstar_rl.rollouts.episodes import MODES, check_modes
+from tstar_rl.rollouts.episodes import MODES
 from tstar_rl.runs.checkpoint import is_checkpoint
 from tstar_rl.seeds import derive_seed
 
@@ -48,12 +48,9 @@ FORMATS = ("hdf5", "minari")
 )
 def main(config: DictConfig) -> None:
     """Writes one file or data set for each subtask, or for the whole task."""
-    check_modes([config.mode])
     for name in config.formats:
         if name not in FORMATS:
             raise InvalidValueError(f"formats must be of {', '.join(FORMATS)}; got {name!r}")
-    if config.episodes < 1:
-        raise InvalidValueError(f"episodes must be a whole number from 1, got {config.episodes}")
     name = config.dataset or _name(config)
     for recording in _recordings(config):
         part, task = part_name(recording.arguments["subtask"]), config.task.name
@@ -101,6 +98,11 @@ def _episodes(config: DictConfig) -> Recording:
     if not folders:
         raise MissingFileError(f"no skill and no chain at {path}")
     skills = [load_skill(folder, task=config.task.name).to(config.device) for folder in folders]
+    if 1 < len(skills) < config.task.subtasks:
+        raise InvalidValueError(
+            f"{path} is a chain of {len(skills)} of {config.task.subtasks} skills, whose episodes do not end with it: "
+            "only whole chains and single skills are exported"
+        )
     subtask = None if len(skills) > 1 else skills[0].subtask
     policy = skills[0].policy if len(skills) == 1 else ChainPolicy(skills)
     seed = derive_seed(config.seed, "export", list(MODES).index(config.mode), subtask)

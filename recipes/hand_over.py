@@ -7,7 +7,6 @@ starts, each of them once ("handed" of them). Rows of one seed replace those of 
 <results_dir>/<task>/hand_over.csv; the picture beside it shows the mean over all seeds.
 """
 
-import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -20,7 +19,7 @@ from tstar_rl.analysis import hand_over_matrix, save_figure
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.config.load import recipe
 from tstar_rl.config.seams import chain_of, env_at_seam
-from tstar_rl.intervals import wilson_interval
+from tstar_rl.intervals import share_columns
 from tstar_rl.rollouts.state_sets import TerminationSet
 from tstar_rl.runs.csv_tables import append_rows
 from tstar_rl.seams.exchange import run_from
@@ -52,20 +51,12 @@ def _follow(config: DictConfig, system: str, skills: Sequence[Skill]) -> list[di
         row: dict[str, Any] = {"system": system, "seed": config.seed, "checkpoint": config.checkpoint}
         row |= {"subtask": index, "episodes": episodes}
         own = run_from(make, index, skill, None, episodes)
-        row |= _share("own_starts", own.batch_size[0], episodes)
+        row |= share_columns("own_starts", own.batch_size[0], episodes)
         handed = 0 if reached is None else reached.batch_size[0]
         reached = own if reached is None else run_from(make, index, skill, reached, 0)
-        row |= {"handed": handed} | _share("handed_over", reached.batch_size[0], handed)
+        row |= {"handed": handed} | share_columns("handed_over", reached.batch_size[0], handed)
         rows.append(row)
     return rows
-
-
-def _share(name: str, successes: int, episodes: int) -> dict[str, float]:
-    """A share with its interval; NaN of no episodes."""
-    share, (low, high) = math.nan, (math.nan, math.nan)
-    if episodes:
-        share, (low, high) = successes / episodes, wilson_interval(successes, episodes)
-    return {name: share, f"{name}_low": low, f"{name}_high": high}
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
 import math
 
-__all__ = ["wilson_interval"]
+__all__ = ["share_columns", "wilson_interval"]
 
 
 def wilson_interval(successes: int, episodes: int, z: float = 1.96) -> tuple[float, float]:
@@ -16,3 +16,11 @@ def wilson_interval(successes: int, episodes: int, z: float = 1.96) -> tuple[flo
     centre = (share + z**2 / (2 * episodes)) / scale
     half = z / scale * math.sqrt(share * (1 - share) / episodes + z**2 / (4 * episodes**2))
     return max(centre - half, 0.0), min(centre + half, 1.0)
+
+
+def share_columns(name: str, successes: int, episodes: int) -> dict[str, float]:
+    """A share with its 95% interval, as the columns <name>, <name>_low, <name>_high of a table; NaN of no episodes."""
+    share, (low, high) = math.nan, (math.nan, math.nan)
+    if episodes:
+        share, (low, high) = successes / episodes, wilson_interval(successes, episodes)
+    return {name: share, f"{name}_low": low, f"{name}_high": high}

@@ -108,6 +108,8 @@ def test_a_missing_run_is_told_what_makes_it_or_which_of_its_subtasks_are_there(
         made_by(run / "last")
         == "; there are runs of subtask=0, 2, which system=no_finetuning skills=gail_ppo chains"
     )
+    nested = run_path(tmp_path, "table_lack", "wide/gail_ppo", 3, 1)
+    assert made_by(nested) == ": train system=wide/gail_ppo of task=table_lack subtask=1 seed=3 first"
     assert made_by(tmp_path / "nowhere") == ""
 
 

@@ -120,7 +120,8 @@ def _check_what_is_not_read(values: dict[str, Any], name: str) -> None:
         raise ConfigError(
             f"subtask must be null, got {values['subtask']}: {name} is of the whole task; {told}"
         )
-    if values["env"].get("max_steps") is not None and (chains or name in ONE_POLICY):
+    trains = name in ONE_POLICY or (chains and name != "exchanged")  # which runs two chains as they are
+    if values["env"].get("max_steps") is not None and trains:
         limits = "training.max_steps and chain.trial_max_steps" if chains else "training.max_steps"
         raise ConfigError(f"env.max_steps is not read in training: the time limit there is {limits}")
 

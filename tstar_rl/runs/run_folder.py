@@ -70,6 +70,14 @@ def made_by(path: str | Path) -> str:
     if found is None:
         return ""
     root, task, system, seed, subtask = found.groups()
+    folders = Path(root or "").parts
+    for place in range(
+        len(folders) - 1, -1, -1
+    ):  # a system may lie deeper: beyond_tstar/table_lack/wide/gail_ppo
+        if (RECIPES.parent / "configs/task" / f"{folders[place]}.yaml").is_file():
+            system = "/".join((*folders[place + 1 :], task, system))
+            root, task = str(Path(*folders[:place])), folders[place]
+            break
     part = "" if subtask is None else f" subtask={subtask}"
     there = sorted(run_path(root or ".", task, system, int(seed)).glob("subtask*"))
     if subtask is None and there:
