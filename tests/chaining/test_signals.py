@@ -163,7 +163,7 @@ def test_hard_starts_end_with_their_turn(point_chain, monkeypatch):
     assert begun == [False, False] and table.own_feasibility_loss.notna().any()
 
 
-def test_a_critics_error_is_learned_in_its_own_turn_and_doubts_it_in_the_next(point_chain, tmp_path):
+def test_a_critics_error_is_learned_in_its_own_turn(point_chain, tmp_path):
     """Forward, skill 0's first turn trusts skill 1's critic: its error is not known yet."""
     table = point_chain("hand_over_value", *TWO, "chain.rounds=1")
     assert table.value_error_loss.notna().all() and (table.value_error_states > 0).all()

@@ -139,3 +139,23 @@ def test_the_critic_in_bfloat16_learns_and_the_actor_is_not_touched(make_env):
     torch.testing.assert_close(found[True][0], found[False][0], atol=0.05, rtol=0.05)
     assert found[True][1] == pytest.approx(found[False][1], rel=0.05)
     assert not same(found[True][2], found[False][2])
+
+
+def test_rates_fall_to_nothing_with_progress_and_the_actors_rises_before(make_env):
+    """Two minibatches an update; of the actor's first four steps each has a quarter more of the rate."""
+    skill = small_skill()
+    settings = PPOSettings(
+        learning_rate=4e-3,
+        critic_learning_rate=2e-3,
+        minibatch=128,
+        epochs=1,
+        rate_warmup=4,
+        kl_stop=float("inf"),
+    )
+    update = PolicyUpdate(skill.policy, skill.value, settings, skill.return_scale)
+    collection, reward, rates = rollouts(make_env, skill), RewardMixture({"env": 1.0}), []
+    for progress in (0.0, 0.5, 1.0):
+        update(reward(collection.rollout()), progress)
+        optimizers = (update.actor_optimizer, update.critic_optimizer)
+        rates.append([optimizer.param_groups[0]["lr"] for optimizer in optimizers])
+    torch.testing.assert_close(torch.tensor(rates), torch.tensor([[2e-3, 2e-3], [2e-3, 1e-3], [0.0, 0.0]]))

@@ -1,0 +1,86 @@
+"""The queue of a declared experiment, its steps faked: what it runs, with whose code, and how it ends."""
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from hydra.core.global_hydra import GlobalHydra
+
+from tstar_rl.launch.side_by_side import Step
+
+ROOT = Path(__file__).resolve().parents[2]
+ONE = ["experiment=shelf", "tasks=[chair_agne]", "seeds=[310]", "processes=1"]
+ARMS = {"no_finetuning", "floored", "gaussian", "tstar", "buffer_costliest", "in_order_cloned"}
+
+
+@pytest.fixture
+def queue(tmp_path, monkeypatch):
+    """Runs the recipe in an empty folder with a made-up `run_recipe`; returns the steps that it took."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(ROOT / "recipes")
+    import experiment
+
+    def call(*values: str, takes=lambda step: None) -> list[tuple[Step, float | None, Path | None]]:
+        taken = []
+
+        def run_recipe(step, shared, line, seconds, code):
+            taken.append((step, seconds, code))
+            takes(step)
+
+        monkeypatch.setattr(experiment, "run_recipe", run_recipe)
+        monkeypatch.setattr(experiment, "code_of_commit", lambda commit, folder: ROOT)
+        monkeypatch.setattr(sys, "argv", ["experiment.py", *ONE, *values])
+        GlobalHydra.instance().clear()
+        experiment.main()
+        return taken
+
+    return call
+
+
+def test_every_step_of_a_seed_is_run_with_the_code_of_its_commit(queue):
+    taken = queue()
+    steps = [step for step, _, _ in taken]
+    assert steps[0][0] == "make_demonstrations" and steps[-1][0] == "evaluate"
+    trained = [step for step in steps if step[0] == "gail_ppo"]
+    assert [step[-1] for step in trained] == ["subtask=0", "subtask=1"]
+    evaluated = {
+        value.removeprefix("system=") for step in steps if step[0] == "evaluate" for value in step[1:]
+    }
+    assert evaluated >= ARMS
+    assert all("task=chair_agne" in step and "seed=310" in step for step in steps)
+    assert {(seconds, code) for _, seconds, code in taken} == {(None, ROOT)}
+
+
+def test_when_the_time_is_over_it_says_so_and_ends_well(queue, capsys):
+    def too_long(step):
+        if step[0] == "gail_ppo":
+            raise subprocess.TimeoutExpired("gail_ppo", 1.0)
+
+    taken = queue("minutes=60", takes=too_long)
+    assert taken[-1][0][0] == "gail_ppo" and 0 < taken[-1][1] <= 3600
+    assert "The time is over; the same command goes on." in capsys.readouterr().out
+
+
+def test_a_step_that_fails_is_told_at_the_end(queue):
+    def fails(step):
+        raise SystemExit("this step failed: " + step[0])
+
+    with pytest.raises(SystemExit, match="this step failed: make_demonstrations"):
+        queue(takes=fails)
+
+
+def test_what_is_published_is_not_run_again(queue, tmp_path):
+    """A published arm is left out; one of which a table is missing is not."""
+    place = tmp_path / "results/published/shelf/chair_agne"
+    for arm in ARMS:
+        shutil.copytree(
+            ROOT / "results/published/shelf/chair_agne" / arm / "seed310", place / arm / "seed310"
+        )
+    assert queue("unpublished=true") == []
+    (place / "tstar/seed310/evaluation.csv").unlink()
+    systems = {
+        value for step, _, _ in queue("unpublished=true") for value in step if value.startswith("system=")
+    }
+    assert "system=tstar" in systems and "system=gaussian" not in systems
