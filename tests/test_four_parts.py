@@ -62,7 +62,8 @@ def config(folder: Path, recipe: str = "gail_ppo", *values: str) -> DictConfig:
 @pytest.fixture(scope="module")
 def made(tmp_path_factory) -> DictConfig:
     """A config, and four demonstrations of the first step where it looks for them."""
-    values = config(tmp_path_factory.mktemp("demonstrations"))
+    few = ("demonstrations.episodes=4", "demonstrations.noise=0.05")
+    values = config(tmp_path_factory.mktemp("demonstrations"), "gail_ppo", *few)
     found = collect(lambda seed: environment(values, 0, 6, seed, snapshots=True), 4, "noisy", 0.05, 0)
     found.save(demonstrations_path(values, 0, "noisy"))
     return values
