@@ -115,54 +115,6 @@ def test_starts_of_the_next_skills_turns_join_its_outcomes(point_chain, monkeypa
     assert second - first == number > 20
 
 
-def test_hard_starts_are_those_where_f_expects_failure(point_chain, monkeypatch):
-    """Skill 1 fails at y < 0. Its own classifier comes to know, and chained episodes begin there more often.
-
-    In a single turn of skill 1, so that nothing of it was learned in a turn of skill 0.
-    """
-    began = {}
-    log = Turn.log
-
-    def note(turn, rollout, row):
-        if turn.index == 1:
-            chained = rollout["start_observation"][rollout["start_chained"].squeeze(-1)]
-            began.setdefault(share, []).append(float((chained[:, 1] < 0).float().mean()))
-        log(turn, rollout, row)
-
-    monkeypatch.setattr(Turn, "log", note)
-    values = (
-        *TWO,
-        "chain.trial_every=100",
-        "chain.order=backward",
-        "chain.rounds=1",
-        "chain.steps_per_turn=4096",
-        "reward.weights.tsr=0",
-        *OWN["feasibility"],
-        "feasibility.steps=256",
-    )
-    for share in (0.0, 1.0):
-        table = point_chain("feasibility", *values, f"hard_starts={share}", f"system=hard_{share}")
-        assert ("own_feasibility_loss" in table) == bool(share)
-    assert began[0.0][-1] < 0.65 and began[1.0][-1] > 0.85
-
-
-def test_hard_starts_end_with_their_turn(point_chain, monkeypatch):
-    """Skill 1 has two turns in a row; each begins with starts that are drawn alike, as a run that is resumed does."""
-    begun, begin = [], Turn.rollouts
-
-    def note(turn):
-        if turn.previous is not None:
-            states = turn.previous.termination_set
-            begun.append(states._weighed_at == states.changes)
-        return begin(turn)
-
-    monkeypatch.setattr(Turn, "rollouts", note)
-    monkeypatch.setattr("tstar_rl.chaining.turn_order.TurnOrder.skill_of", lambda order, turn: 1)
-    values = ["chain.trial_every=100", "chain.rounds=1", "chain.steps_per_turn=1024", "hard_starts=1.0"]
-    table = point_chain("feasibility", *TWO, *values)
-    assert begun == [False, False] and table.own_feasibility_loss.notna().any()
-
-
 def test_a_critics_error_is_learned_in_its_own_turn(point_chain, tmp_path):
     """Forward, skill 0's first turn trusts skill 1's critic: its error is not known yet."""
     table = point_chain("hand_over_value", *TWO, "chain.rounds=1")

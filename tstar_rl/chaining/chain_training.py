@@ -176,10 +176,10 @@ class ChainTraining:
         self._waiting = dict(state["carried"])
         self.turn_order.load_state_dict(state["turn_order"])
         for place in state.get("coarse", ()):
-            index, _, name = place.partition("/")
-            self.skills[int(index)].networks[
-                name
-            ].coarse = True  # what trains it may not be made again before it pays
+            index, _, name = place.partition(
+                "/"
+            )  # what trains the network may not be made again before it pays
+            self.skills[int(index)].networks[name].coarse = True
         carried = {each.partition("/")[2] for each in self._waiting}
         self.made = set(state.get("made", carried))  # a checkpoint of before has none
         self.learned = set(state.get("learned", ()))

@@ -71,9 +71,7 @@ def made_by(path: str | Path) -> str:
         return ""
     root, task, system, seed, subtask = found.groups()
     folders = Path(root or "").parts
-    for place in range(
-        len(folders) - 1, -1, -1
-    ):  # a system may lie deeper: beyond_tstar/table_lack/wide/gail_ppo
+    for place in reversed(range(len(folders))):  # a system may be of two folders: table_lack/wide/gail_ppo
         if (RECIPES.parent / "configs/task" / f"{folders[place]}.yaml").is_file():
             system = "/".join((*folders[place + 1 :], task, system))
             root, task = str(Path(*folders[:place])), folders[place]
