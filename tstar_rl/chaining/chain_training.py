@@ -175,10 +175,9 @@ class ChainTraining:
         """What `state_dict` gave; each is loaded when its turn comes."""
         self._waiting = dict(state["carried"])
         self.turn_order.load_state_dict(state["turn_order"])
+        # What trains a network also sets `coarse`, and may not be made again before the network pays a turn.
         for place in state.get("coarse", ()):
-            index, _, name = place.partition(
-                "/"
-            )  # what trains the network may not be made again before it pays
+            index, _, name = place.partition("/")
             self.skills[int(index)].networks[name].coarse = True
         carried = {each.partition("/")[2] for each in self._waiting}
         self.made = set(state.get("made", carried))  # a checkpoint of before has none
