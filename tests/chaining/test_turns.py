@@ -57,6 +57,20 @@ def test_what_a_chain_carries_over_goes_on_after_a_kill(whole_and_resumed, tmp_p
         assert all(torch.equal(v, other.policy.state_dict()[k]) for k, v in one.policy.state_dict().items())
 
 
+def test_a_signal_in_bfloat16_pays_the_same_after_a_kill(whole_and_resumed):
+    """Killed in skill 0's second turn, which the d_omega pays that skill 1 has trained and has not made again."""
+    values = (
+        "chain.gate=false",
+        "chain.links=3",
+        "chain.rounds=2",
+        "chain.d_omega_of=own",
+        "+d_omega.bfloat16=true",
+    )
+    whole, resumed = whole_and_resumed("tstar", *values)
+    assert whole.tsr_on_success.notna().any()
+    pd.testing.assert_frame_equal(whole, resumed)
+
+
 @pytest.mark.parametrize("carry_over", [True, False])
 def test_optimisers_and_simulations_are_carried_over_or_made_anew(carry_over, point_chain, monkeypatch):
     seen = {}
