@@ -10,7 +10,6 @@ from tensordict import TensorDict
 
 from tstar_rl.chaining.chain import load_chain
 from tstar_rl.chaining.chain_training import ChainTraining
-from tstar_rl.chaining.signals import StateValue
 from tstar_rl.chaining.turns import Turn
 
 TWO = ("chain.gate=false", "chain.links=2")
@@ -115,30 +114,34 @@ def test_starts_of_the_next_skills_turns_join_its_outcomes(point_chain, monkeypa
     assert second - first == number > 20
 
 
-def test_a_critics_error_is_learned_in_its_own_turn(point_chain, tmp_path):
-    """Forward, skill 0's first turn trusts skill 1's critic: its error is not known yet."""
-    table = point_chain("hand_over_value", *TWO, "chain.rounds=1")
-    assert table.value_error_loss.notna().all() and (table.value_error_states > 0).all()
-    skill = load_chain(last(tmp_path, "hand_over_value"))[1]
-    rows = states(1.2, [0.5, -0.5])
-    with torch.no_grad():
-        assert skill.networks["value_error"](rows).shape == StateValue(skill)(rows).shape == (2, 1)
-
-
-@pytest.mark.parametrize(("margin", "known"), [(10.0, True), (-10.0, False)])
-def test_an_error_that_a_rejected_turn_has_learned_is_not_known(point_chain, monkeypatch, margin, known):
-    """Skill 1's turn comes first. Put back, it leaves a network that has learned nothing."""
+@pytest.fixture
+def errors_known(monkeypatch) -> list[bool]:
+    """Whether the next critic's error was known, of each turn of a skill that has one after it."""
     found, learned = [], Turn.learned
 
     def watched(turn, name, skill):
-        found.append(learned(turn, name, skill))
-        return found[-1]
+        network = learned(turn, name, skill)
+        found.append(network is not None)
+        return network
 
     monkeypatch.setattr(Turn, "learned", watched)
+    return found
+
+
+def test_a_critics_error_is_learned_in_its_own_turn(point_chain, errors_known):
+    """Forward, skill 0's first turn trusts skill 1's critic; its second one knows the error."""
+    table = point_chain("hand_over_value", *TWO, "chain.rounds=2", "chain.steps_per_turn=512")
+    assert table.value_error_loss.notna().all() and (table.value_error_states > 0).all()
+    assert errors_known == [False, True]
+
+
+@pytest.mark.parametrize(("margin", "known"), [(10.0, True), (-10.0, False)])
+def test_an_error_that_a_rejected_turn_has_learned_is_not_known(point_chain, errors_known, margin, known):
+    """Skill 1's turn comes first. Put back, it leaves a network that has learned nothing."""
     values = ("chain.links=2", "chain.order=backward", "chain.rounds=1", "chain.steps_per_turn=512")
     table = point_chain("hand_over_value", *values, "chain.gate=true", f"chain.gate_margin={margin}")
     assert table.accepted.dropna().tolist() == [int(known)] * 2
-    assert [error is not None for error in found] == [known]
+    assert errors_known == [known]
 
 
 def test_both_sides_train_the_discriminator_of_a_skill(point_chain, monkeypatch):
