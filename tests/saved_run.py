@@ -7,7 +7,7 @@ import torch
 from tstar_rl.runs.run import Run
 
 
-def a_run(folder: Path, resume: bool = True, **values) -> Run:
+def a_run(folder: Path, resume: bool = True, trials: bool = False, **values) -> Run:
     config = {
         "task": {"name": "table"},
         "system": "chain",
@@ -16,7 +16,7 @@ def a_run(folder: Path, resume: bool = True, **values) -> Run:
         "progress_bar": False,
     }
     places = {"results_dir": str(folder / "results"), "runs_dir": str(folder / "runs")}
-    return Run({**config, **places, **values})
+    return Run({**config, **places, **values}, trials=trials)
 
 
 def contents(folder: Path) -> dict[str, bytes]:

@@ -9,12 +9,12 @@ import pandas as pd
 import pytest
 import torch
 import yaml
+from saved_run import a_run
 
 from tstar_rl.analysis.tables import commit_of, short_commit
 from tstar_rl.rollouts.episodes import MODES
 from tstar_rl.runs import versions
 from tstar_rl.runs.csv_tables import MetricsLog, append_rows
-from tstar_rl.runs.run import Run
 from tstar_rl.runs.run_folder import Place, made_by, note_evaluation, read_run_path, run_path
 from tstar_rl.seeds import EVALUATIONS, derive_seed, evaluation_seed
 
@@ -69,11 +69,6 @@ def test_a_column_added_by_a_process_that_is_killed_loses_nothing(tmp_path, monk
         with pytest.raises(KeyboardInterrupt):
             change()
         assert (tmp_path / "log.csv").read_text() == "a\n1\n"
-
-
-def a_run(folder, **values) -> Run:
-    config = {"task": {"name": "table"}, "system": "chain", "seed": 0, "resume": True, "progress_bar": False}
-    return Run({**config, "results_dir": str(folder / "results"), "runs_dir": str(folder / "runs")}, **values)
 
 
 def test_a_run_that_begins_again_is_not_finished(tmp_path):

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import torch
 from tensordict import TensorDict
@@ -12,6 +11,7 @@ from tstar_rl.checks import check_ranges
 from tstar_rl.models.networks import Discriminator
 from tstar_rl.objectives import DiscriminatorLoss
 from tstar_rl.signal_equations import two_sided_loss
+from tstar_rl.updates.sampled import SampledUpdate
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class DiscriminatorSettings:
         )
 
 
-class DiscriminatorUpdate:
+class DiscriminatorUpdate(SampledUpdate):
     """Some optimiser steps of a discriminator on random minibatches of two kinds of observations.
 
         update_f_phi = DiscriminatorUpdate("f_phi", f_phi, {"expert": 1.0, "agent": -1.0}, settings)
@@ -60,9 +60,7 @@ class DiscriminatorUpdate:
         self.name, self.settings = name, settings
         network.coarse = settings.bfloat16
         self.loss = DiscriminatorLoss(network, labels, settings.gradient_penalty)
-        self.optimizer = torch.optim.Adam(self.loss.parameters(), settings.learning_rate)
-        self.device = next(network.parameters()).device
-        self.generator = torch.Generator(self.device).manual_seed(seed)
+        super().__init__(torch.optim.Adam(self.loss.parameters(), settings.learning_rate), seed)
 
     def __call__(self, **observations: Tensor) -> dict[str, float]:
         """Observations (..., O) of each kind, by its label's name -> mean losses and scores; nothing if one is empty.
@@ -119,12 +117,3 @@ class DiscriminatorUpdate:
         """Indices of the next minibatch, drawn from `rows` rows."""
         size = (self.settings.minibatch,)
         return torch.randint(rows, size, generator=self.generator, device=self.device)
-
-    def state_dict(self) -> dict[str, Any]:
-        """Optimiser and generator."""
-        return {"optimizer": self.optimizer.state_dict(), "generator": self.generator.get_state()}
-
-    def load_state_dict(self, state: dict[str, Any]) -> None:
-        """What `state_dict` gave."""
-        self.optimizer.load_state_dict(state["optimizer"])
-        self.generator.set_state(state["generator"])

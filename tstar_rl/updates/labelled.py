@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import torch
 from tensordict import TensorDict
@@ -12,6 +11,7 @@ from tstar_rl.checks import check_ranges
 from tstar_rl.models.networks import Discriminator
 from tstar_rl.models.normalizer import Standardizer
 from tstar_rl.objectives import LabelledLoss
+from tstar_rl.updates.sampled import SampledUpdate
 
 __all__ = ["LabelledSettings", "LabelledUpdate"]
 
@@ -40,7 +40,7 @@ class LabelledSettings:
         )
 
 
-class LabelledUpdate:
+class LabelledUpdate(SampledUpdate):
     """Some optimiser steps of a network on random minibatches of states and their labels.
 
         update = LabelledUpdate("feasibility", network, outcome_loss, LabelledSettings())
@@ -64,11 +64,8 @@ class LabelledUpdate:
     ) -> None:
         self.name, self.settings = name, settings
         self.loss = LabelledLoss(network, distance)
-        self.optimizer = torch.optim.AdamW(
-            self.loss.parameters(), settings.learning_rate, weight_decay=settings.weight_decay
-        )
-        self.device = next(network.parameters()).device
-        self.generator = torch.Generator(self.device).manual_seed(seed)
+        parameters, decay = self.loss.parameters(), settings.weight_decay
+        super().__init__(torch.optim.AdamW(parameters, settings.learning_rate, weight_decay=decay), seed)
 
     def __call__(self, observations: Tensor, labels: Tensor) -> dict[str, float]:
         """Observations (n, O), labels (n,) -> mean loss, score and label, and n; nothing if n is 0.
@@ -106,12 +103,3 @@ class LabelledUpdate:
         out["loss_label"].backward()
         self.optimizer.step()
         return out
-
-    def state_dict(self) -> dict[str, Any]:
-        """Optimiser and generator."""
-        return {"optimizer": self.optimizer.state_dict(), "generator": self.generator.get_state()}
-
-    def load_state_dict(self, state: dict[str, Any]) -> None:
-        """What `state_dict` gave."""
-        self.optimizer.load_state_dict(state["optimizer"])
-        self.generator.set_state(state["generator"])
