@@ -22,6 +22,7 @@ from tstar_rl.analysis import (
     save_figure,
 )
 from tstar_rl.analysis.variants import FOLDER, SKILLS, Variant, names, read
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.chain import chain_length
 from tstar_rl.config.load import recipe
 from tstar_rl.config.values import plain
@@ -44,7 +45,7 @@ def main(config: DictConfig) -> None:
     shared.insert(0, f"scale={HydraConfig.get().runtime.choices['scale']}")
     chosen = names() if config.all else sorted(config.get("ablation") or ())
     if not chosen:
-        raise SystemExit(f"say which: ablation=<name> or all=true; there are {', '.join(names())}")
+        raise InvalidValueError(f"say which: ablation=<name> or all=true; there are {', '.join(names())}")
     variants = [variant for name in chosen for variant in _chosen(config, name)]
     firsts = {variant.first(): None for variant in variants}
     sources = {first.source().first(): None for first in firsts if first.bonus_of}

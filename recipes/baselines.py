@@ -9,6 +9,7 @@ that was killed goes on from its last checkpoint. Tables land in <results_dir>/<
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
+from tstar_rl.checks import InvalidValueError, did_you_mean
 from tstar_rl.config.load import recipe
 from tstar_rl.launch.backends import launcher
 from tstar_rl.launch.side_by_side import Step, run_side_by_side
@@ -23,9 +24,11 @@ OWN = ("processes", "systems", "only", "subtask", "video")  # values that only t
 def main(config: DictConfig) -> None:
     """Trains and evaluates those that are missing, some at a time."""
     shared = [f"scale={HydraConfig.get().runtime.choices['scale']}", *passed_on((*OWN, "scale"))]
-    unknown = [system for system in config.only or () if system not in config.systems]
-    if unknown:
-        raise SystemExit(f"there is no baseline {', '.join(unknown)}; there are {', '.join(config.systems)}")
+    if unknown := [system for system in config.only or () if system not in config.systems]:
+        near = did_you_mean(unknown[0], config.systems)
+        raise InvalidValueError(
+            f"only must name some of {', '.join(config.systems)}, got {', '.join(unknown)}{near}"
+        )
     lanes = [missing(_lane(config, system), shared) for system in config.only or config.systems]
     if any(lanes):
         run = launcher(config)

@@ -18,7 +18,7 @@ def main(config: DictConfig) -> None:
     task = config.task.name
     metrics, evaluations = (_of(task, read(config.results_dir)) for read in (read_metrics, read_evaluations))
     if metrics.empty:
-        raise SystemExit(f"no metrics.csv below {config.results_dir}/{task}: train something first")
+        raise FileNotFoundError(f"no metrics.csv below {config.results_dir}/{task}: train something first")
     for name, rows in metrics.groupby("recipe"):
         try:
             figure = learning_curves(rows)

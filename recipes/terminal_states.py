@@ -20,7 +20,7 @@ def main(config: DictConfig) -> None:
     table = read_terminal_states(config.results_dir, config.task.name, config.systems)
     if table.empty:
         place = f"{config.results_dir}/{config.task.name}"
-        raise SystemExit(
+        raise FileNotFoundError(
             f"no terminal_states.csv of {', '.join(config.systems)} below {place}: "
             "a chain logs chain.logged_states of the skill chain.logged_skill"
         )

@@ -18,9 +18,9 @@ from tstar_rl.analysis.terminal_states import (
 POSE = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
 
 
-def write(folder, system: str, rows: list[tuple[int, float]]) -> None:
+def write(folder, system: str, rows: list[tuple[int, float]], task: str = "table") -> None:
     """A log of one part that moves along x: (environment steps, x) each."""
-    place = folder / "table" / system / "seed0"
+    place = folder / task / system / "seed0"
     place.mkdir(parents=True)
     poses = [[x, *POSE[1:]] for _, x in rows]
     table = pd.DataFrame(poses, columns=[f"pose_{i}" for i in range(7)])
@@ -111,3 +111,15 @@ def test_the_published_spread_comes_out_of_the_published_states(path):
     systems = list(dict.fromkeys(published["system"]))
     again = spread(add_plane(read_terminal_states(path.parents[1], task, systems))[0])
     pd.testing.assert_frame_equal(again, published, check_exact=False, atol=1e-6, rtol=1e-6)
+
+
+def test_the_recipe_draws_what_chains_logged_or_says_that_none_did(tmp_path, call, say):
+    values = (f"results_dir={tmp_path}", "task=table_lack", "systems=[tstar,policy_sequencing]")
+    assert "no terminal_states.csv of tstar, policy_sequencing below" in say("terminal_states", *values)
+    for system in ("tstar", "policy_sequencing"):
+        write(tmp_path, system, [(10, -1.0), (20, 1.0), (30, -2.0), (30, 2.0), (40, 5.0)], task="table_lack")
+    call("terminal_states", *values)
+    place = tmp_path / "table_lack"
+    numbers = pd.read_csv(place / "terminal_states_spread.csv")
+    assert numbers.groupby("system").spread.first().to_dict() == {"tstar": 2.0, "policy_sequencing": 2.0}
+    assert (place / "terminal_states.png").stat().st_size > 1000

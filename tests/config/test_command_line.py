@@ -105,6 +105,8 @@ MISTAKES = [
     ("experiment", ["experiment=terminal_state_regularisation", "minutes=-1"], "minutes must be positive, got -1"),
     ("experiment", ["experiment=terminal_state_regularisation", "tasks=[table_lak]"],
      "task must be one of .*did you mean table_lack"),
+    ("baselines", ["only=[gial]"], "only must name some of bc, .*, got gial; did you mean gail"),
+    ("ablate", [], "say which: ablation=<name> or all=true; there are "),
     ("baselines", ["systems.bc=[bcc]"], "recipe must be one of ablate, .*did you mean bc"),
     ("evaluate_shelf", ["tasks=[table_lak]"], "a task must be one of bench_bjursta, .*'table_lak'; did you mean ta"),
     ("evaluate", ["path=runs/table_lack"], "a run lies at <task>/<recipe>/seed<k>"),
@@ -112,6 +114,7 @@ MISTAKES = [
     ("watch", ["noise=-1"], "noise must be not negative, got -1"),
     ("watch", ["variants=[a,b]", "task=toy_table"], "unknown task with trained chains: 'toy_table'; there are .*lack"),
     # something that is not there
+    ("plot", ["task=table_lack"], "no metrics.csv below results/table_lack: train something first"),
     ("ship", [], "no chain at runs/table_lack/tstar/seed0/last: train it first"),
     ("gail_ppo", ["subtask=0"], "no demonstrations at demonstrations/.*recipes/make_demonstrations.py writes them"),
     ("tstar", [], "no checkpoint at runs/.*train it first .*recipes/gail_ppo.py task=table_lack subtask=0 seed=0"),

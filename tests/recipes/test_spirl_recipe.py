@@ -1,5 +1,7 @@
 """SPiRL's recipe, run as users run it."""
 
+from pathlib import Path
+
 import pandas as pd
 import pytest
 from recipe_runs import kill_after, places, run
@@ -50,3 +52,8 @@ def test_what_it_saves_is_evaluated_like_a_skill(demonstrations, tmp_path):
         tmp_path / "a" / "results" / "table_lack" / "spirl" / "seed0" / "subtask0" / "evaluation.csv"
     )
     assert table.checkpoint.tolist() == ["prior", "prior", "last", "last"] and (table.episodes == 4).all()
+    done = run("plot_latents", *values, "system=spirl", "states=2", "draws=3")
+    assert done.returncode == 0, done.stderr
+    assert Path(done.stdout.strip()).is_file()
+    paths = pd.read_csv(Path(done.stdout.strip()).with_suffix(".csv"))
+    assert paths.state.nunique() == 2 and sorted(paths.latent.unique()) == [-1, 0, 1, 2]
