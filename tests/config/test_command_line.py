@@ -221,6 +221,14 @@ def test_as_a_user_sees_it(tmp_path):
     assert first.startswith("subtask of table_lack must be") and second == HINT
 
 
+def test_a_reader_of_the_help_may_stop_early():
+    process = subprocess.Popen(
+        command("bc", "--help"), env=environ(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    process.stdout.close()  # before a word of it
+    assert process.stderr.read() == "" and process.wait() == 0
+
+
 def test_a_recipe_of_another_checkout_does_not_run_with_this_ones_code(tmp_path):
     (tmp_path / "tstar_rl").mkdir()
     (tmp_path / "recipes").mkdir()

@@ -75,11 +75,16 @@ def command_line(body: Body, configs: Path, name: str, check: Check) -> Callable
             raise SystemExit(f"a recipe needs a clone, installed with pip install -e: there is no {configs}")
         if os.environ.get(FULL_ERROR) == "1":
             return start(body)
-        if {"--help", "-h"} & set(sys.argv[1:]):
-            print(sys.modules[body.__module__].__doc__)
+        helps = bool({"--help", "-h"} & set(sys.argv[1:]))
         os.environ[FULL_ERROR] = "1"  # Hydra then raises what it would print in its own words
         try:
+            if helps:
+                print(sys.modules[body.__module__].__doc__)
             start(job)
+        except BrokenPipeError:
+            if not helps:
+                raise
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # `| head` has read enough
         except KeyboardInterrupt:
             print(f"\n{STOPPED}", file=sys.stderr)
             raise SystemExit(BY_SIGINT) from None
