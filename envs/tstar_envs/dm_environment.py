@@ -75,6 +75,7 @@ class AssemblyTask(control.Task):
 
     def get_observation(self, physics: AssemblyPhysics) -> dict[str, Any]:
         """See `DmEnvironment`."""
+        physics.view.catch_up()
         numbers = {name: self.world.state[name].squeeze(0).numpy().copy() for name in _INDICES}
         return {"observation": self.world.observation().squeeze(0).numpy(), **numbers}
 
@@ -107,8 +108,11 @@ class DmEnvironment(control.Environment):
 
     The observation is a dict: `observation` (O,), and `subtask`, `phase` and `completed` as integers. The discount
     is 0 where the task ended (success or failure) and 1 otherwise, also where the time limit cut the episode.
-    From the same snapshot, the same actions give the same bits as in the batched environment.
+    From the same snapshot, the same actions give the same bits as in the batched environment. A copy, by
+    `copy.deepcopy` or pickle, is another simulation in the state of `snapshot`.
     """
+
+    world: BatchedEnvironment
 
     def __init__(self, physics: AssemblyPhysics, task: AssemblyTask):
         super().__init__(physics, task, n_sub_steps=SUBSTEPS)
@@ -124,6 +128,16 @@ class DmEnvironment(control.Environment):
         """State of the simulation, batch [1]; see `tstar_envs.environment`."""
         return self.world.snapshot()
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        state = {
+            "snapshot": self.snapshot(),
+            "generator": self.world.generator.get_state(),
+            "failures": self.world.failures,
+            "random": self._task._random,
+            "next": (self._reset_next_step, self._step_count),
+        }
+        return _again, (self.world.arguments, state)
+
     @property
     def success(self) -> bool:
         """Whether the last step ended the episode in success."""
@@ -136,3 +150,16 @@ def make(task: str, subtask: int | None, seed: int | None, settings: dict[str, A
     physics = AssemblyPhysics.from_model(MjModel(build_model(library.load(task))))
     world = BatchedEnvironment(task, 1, subtask, seed=seed, settings=chosen, physics=physics.view)
     return DmEnvironment(physics, AssemblyTask(world))
+
+
+def _again(arguments: dict[str, Any], state: dict[str, Any]) -> DmEnvironment:
+    """A copy, from what `DmEnvironment.__reduce__` gave."""
+    task, subtask = arguments.pop("task"), arguments.pop("subtask")
+    env = make(task, subtask, None, arguments)
+    if state["random"] is not None:
+        env.task._random = state["random"]
+    env.world.generator.set_state(state["generator"])
+    env.world.restore(state["snapshot"])
+    env.world.failures = state["failures"]
+    env._reset_next_step, env._step_count = state["next"]
+    return env

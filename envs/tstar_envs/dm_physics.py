@@ -7,7 +7,6 @@ import os
 import sys
 from typing import Any
 
-import numpy as np
 import torch
 
 from tstar_envs import rendering
@@ -48,7 +47,8 @@ class AssemblyPhysics(Physics):
 
     def set_control(self, control: Any) -> None:
         """Sets the controls (9,): seven joint velocities, rad/s, and two finger positions, m."""
-        self.view.ctrl[0] = torch.from_numpy(np.array(control, dtype=np.float64))
+        super().set_control(control)
+        self.view.catch_up()
 
     def reset(self, keyframe_id: int | None = None) -> None:
         """Puts the simulation back to the model's default state, all welds undone."""
@@ -56,7 +56,22 @@ class AssemblyPhysics(Physics):
         self.view.forward()
 
     def after_reset(self) -> None:
-        """Nothing: the task leaves positions, velocities and their sensors current."""
+        """Positions, velocities and their sensors are current then, whatever was written since `reset`."""
+        self.view.refresh()
+
+    def copy(self, share_model: bool = False) -> AssemblyPhysics:
+        """A simulation in the same state; its `reset` undoes all welds, as here."""
+        copied = super().copy(share_model)
+        copied.view.compiled_welds.copy_(self.view.compiled_welds)
+        return copied
+
+    def __getstate__(self) -> tuple[Any, torch.Tensor]:
+        return super().__getstate__(), self.view.compiled_welds
+
+    def __setstate__(self, state: tuple[Any, torch.Tensor]) -> None:
+        data, welds = state
+        super().__setstate__(data)
+        self.view.compiled_welds.copy_(welds)
 
     def _reload_from_data(self, data: Any) -> None:
         self.view = SinglePhysics(data.model.ptr, data.ptr)

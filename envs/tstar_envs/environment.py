@@ -103,10 +103,15 @@ class BatchedEnvironment:
         return {"task": self.name, "subtask": self.subtask, **dataclasses.asdict(self.settings)}
 
     def seed(self, seed: int | None) -> int:
-        """Seeds the private generator and returns the seed used."""
+        """Seeds the private generator and returns the seed used; None draws one.
+
+        Raises:
+            ValueError: it is no whole number from 0 to 2**64 - 1.
+        """
         self.task.starts.forget()
         if seed is None:
             return self.generator.seed()
+        seed = whole_number("seed", seed, 0, 2**64 - 1)
         self.generator.manual_seed(seed)
         return seed
 

@@ -71,7 +71,7 @@ class GymnasiumVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._camera = Camera(self.world, render_mode, width, height)
-        self._ended, self._begun = torch.ones(num_envs, dtype=torch.bool), False
+        self._ended, self._begun = (torch.full((num_envs,), flag) for flag in (True, False))
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -85,7 +85,7 @@ class GymnasiumVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         mask = self._read_mask(options.get("reset_mask"))
         super().reset(seed=seed)
         begin(self.world, seed, options.get("snapshot"), mask)
-        self._ended, self._begun = self._ended & ~mask, True
+        self._ended, self._begun = self._ended & ~mask, self._begun | mask
         return self._observe(), self._infos(mask)
 
     def step(
@@ -154,9 +154,10 @@ class GymnasiumVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         return torch.from_numpy(mask.copy())
 
     def _check_begun(self) -> None:
-        resets = self._begun and self.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
-        if not resets and bool(self._ended.any()):
-            rows = self._ended.nonzero().flatten().tolist()[:8]
+        resets = self.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
+        waiting = ~self._begun if resets else self._ended
+        if bool(waiting.any()):
+            rows = waiting.nonzero().flatten().tolist()[:8]
             raise gymnasium.error.ResetNeeded(
                 f"no episode is under way in simulations {rows}: call reset() first"
             )

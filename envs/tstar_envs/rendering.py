@@ -18,9 +18,10 @@ import shutil
 import subprocess
 import sys
 import warnings
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, nullcontext, suppress
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -134,6 +135,15 @@ def choose(graphics: str) -> None:
         importlib.reload(importlib.import_module("mujoco.rendering.classic.gl_context"))
 
 
+def _took(act: Callable[..., Any], *arguments: Any) -> bool:
+    """Whether the pipe to ffmpeg held; why it broke, ffmpeg alone knows."""
+    try:
+        act(*arguments)
+    except OSError:
+        return False
+    return True
+
+
 def write_png(path: str | Path, image: np.ndarray) -> None:
     """Writes an image (height, width, 3) uint8."""
     from matplotlib import image as matplotlib_image
@@ -146,18 +156,23 @@ def write_mp4(path: str | Path, frames: Iterable[np.ndarray], frames_per_second:
     """Writes images (height, width, 3) uint8 as H.264; at 20 a second, 10 Hz control is shown at twice its speed.
 
     Raises:
-        OSError: if the film cannot be written, as on a full disk; none is left then.
+        OSError: if the film cannot be written, as on a full disk; none is left then, nor if `frames` raises.
     """
     import imageio.v2 as imageio
 
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    with suppress(OSError):  # of the pipe to ffmpeg: why it broke, ffmpeg alone knows
-        with imageio.get_writer(path, format="FFMPEG", fps=frames_per_second, macro_block_size=8) as film:
-            for frame in frames:
-                film.append_data(frame)  # pyright: ignore[reportAttributeAccessIssue]
-        if b"moov" in path.read_bytes():  # the table of frames, which ffmpeg writes last
+    film = imageio.get_writer(path, format="FFMPEG", fps=frames_per_second, macro_block_size=8)
+    try:
+        for frame in frames:
+            if not _took(film.append_data, frame):  # pyright: ignore[reportAttributeAccessIssue]
+                break
+        if _took(film.close) and path.is_file() and b"moov" in path.read_bytes():  # ffmpeg writes that last
             return
+    except BaseException:  # of what draws the frames
+        _took(film.close)
+        path.unlink(missing_ok=True)
+        raise
     path.unlink(missing_ok=True)
     code = errno.ENOSPC if shutil.disk_usage(path.parent).free < A_FILM else errno.EIO
     raise OSError(code, os.strerror(code), str(path))

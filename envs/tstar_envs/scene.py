@@ -62,8 +62,17 @@ def build_spec(furniture: Furniture) -> mujoco.MjSpec:
 
 
 def build_model(furniture: Furniture) -> mujoco.MjModel:
-    """Compiles the scene of `furniture`; raises what `build_spec` does."""
-    return build_spec(furniture).compile()
+    """Compiles the scene of `furniture`.
+
+    Raises:
+        FurnitureError: what `build_spec` raises; or MuJoCo does not take the scene, as with parts that weigh nothing.
+    """
+    spec = build_spec(furniture)
+    try:
+        return spec.compile()
+    except ValueError as error:
+        said = " ".join(str(error).split())
+        raise FurnitureError(f"{furniture.name}: MuJoCo does not take its scene: {said}") from None
 
 
 def scene_xml(furniture: Furniture) -> str:

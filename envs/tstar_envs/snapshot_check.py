@@ -1,4 +1,4 @@
-"""Whether a snapshot is one of these simulations: its entries, their shapes, and the furniture it was taken of.
+"""Whether a snapshot is one of these simulations: its entries, their shapes and types, and the furniture it is of.
 
 A snapshot carries the furniture's marks without a field for them. Welds that are not made yet hold the relative poses
 that the scene was compiled with; those that are made hold two connectors of the recipe together.
@@ -43,17 +43,17 @@ class SnapshotCheck:
         device = tables.initial_pose.device
         self._compiled = torch.tensor(model.eq_data, dtype=torch.float64, device=device)
         self._active = row_slice(model, mujoco.mjtState.mjSTATE_EQ_ACTIVE)
-        self._shapes: dict[Any, tuple[int, ...]] = {
-            "physics": (self.num_sims, row_size(model)),
-            "welds": (self.num_sims, *self._compiled.shape),
-            **{("task", key): tuple(value.shape) for key, value in state.items()},
+        self._kinds: dict[Any, tuple[tuple[int, ...], torch.dtype]] = {
+            "physics": ((self.num_sims, row_size(model)), torch.float64),
+            "welds": ((self.num_sims, *self._compiled.shape), torch.float64),
+            **{("task", key): (tuple(value.shape), value.dtype) for key, value in state.items()},
         }
 
     def layout(self, snapshot: Any) -> None:
-        """Checks entries and shapes.
+        """Checks entries, shapes and types.
 
         Raises:
-            ValueError: it is no TensorDict of this batch, or an entry is missing or of another shape.
+            ValueError: it is no TensorDict of this batch, or an entry is missing, or of another shape or type.
         """
         if not isinstance(snapshot, TensorDictBase):
             raise ValueError(
@@ -63,7 +63,7 @@ class SnapshotCheck:
             raise ValueError(
                 f"a snapshot of {self.num_sims} simulations is needed, got {tuple(snapshot.batch_size)}"
             )
-        for key, shape in self._shapes.items():
+        for key, (shape, dtype) in self._kinds.items():
             value, field = snapshot.get(key, None), key if isinstance(key, str) else ".".join(key)
             if value is None:
                 raise ValueError(
@@ -75,12 +75,14 @@ class SnapshotCheck:
                     f"{field!r} of a snapshot of {self.name} has shape {shape}, got {tuple(value.shape)}: "
                     "was it taken of other furniture?"
                 )
+            if value.dtype != dtype:
+                raise ValueError(f"{field!r} of a snapshot of {self.name} is of {dtype}, got {value.dtype}")
 
     def values(self, snapshot: TensorDictBase, mask: Tensor) -> None:
         """Checks the numbers in the rows of `mask` (N,); the snapshot's layout is right and it is on the device.
 
         Raises:
-            ValueError: a subtask or a phase is none of this furniture's, or something is NaN.
+            ValueError: a subtask or a phase is none of this furniture's, or a number is not finite.
         """
         steps = self.tables.num_steps
         for name, most in (("subtask", steps), ("phase", len(PHASES) - 1)):
@@ -92,28 +94,37 @@ class SnapshotCheck:
                     f"'task.{name}' of a snapshot of {self.name} is in 0..{most}{end}, got {value[row].item()} in "
                     f"simulation {row}"
                 )
-        for key in self._shapes:
+        for key in self._kinds:
             value, field = cast(Tensor, snapshot[key]), key if isinstance(key, str) else ".".join(key)
-            if field == "welds" or not value.is_floating_point():
+            if not value.is_floating_point():
                 continue
-            wrong = mask & value.reshape(self.num_sims, -1).isnan().any(-1)
+            wrong = mask & ~value.reshape(self.num_sims, -1).isfinite().all(-1)
             if bool(wrong.any()):
                 raise ValueError(
-                    f"{field!r} of a snapshot of {self.name} is NaN in simulation {wrong.nonzero()[0].item()}"
+                    f"{field!r} of a snapshot of {self.name} is not finite in simulation {wrong.nonzero()[0].item()}"
                 )
 
     def furniture(self, snapshot: TensorDictBase, mask: Tensor) -> None:
         """Checks the welds in the rows of `mask` (N,); the snapshot's layout is right and it is on the device.
 
         Raises:
-            ValueError: a row was taken of other furniture.
+            ValueError: a row was taken of other furniture, or other welds hold than those of the steps before its own.
         """
         active, welds = snapshot["physics"][:, self._active] > 0, snapshot["welds"]
-        own = (active | ((welds - self._compiled).abs().amax(-1) <= ROUNDING)).all(-1)
-        finished = active.all(-1)
-        if not bool((mask & (finished | ~own)).any()):  # as good as always: no start is finished
-            return
-        foreign = mask & torch.where(finished, ~self._joins(welds).all(-1), ~own)
+        steps, subtask = torch.arange(active.shape[1], device=active.device), snapshot["task", "subtask"]
+        waits = snapshot["task", "failed"]  # a simulation that was given up has no welds until its reset
+        amiss = mask & ~waits & (active != (steps < subtask.unsqueeze(-1))).any(-1)
+        if bool(amiss.any()):
+            row = amiss.nonzero()[0].item()
+            held = active[row].nonzero().flatten().tolist()
+            raise ValueError(
+                f"the snapshot in simulation {row} is of no state of {self.name}: at subtask {subtask[row].item()} the "
+                f"welds of the steps before it hold, here those of steps {held}"
+            )
+        own = (welds - self._compiled).abs().amax(-1) <= ROUNDING
+        if bool((active & mask.unsqueeze(-1)).any()):
+            own = torch.where(active, self._joins(welds), own)
+        foreign = mask & ~own.all(-1)
         if bool(foreign.any()):
             raise ValueError(
                 f"the snapshot in simulation {foreign.nonzero()[0].item()} was not taken of {self.name} as it is now: "

@@ -17,7 +17,7 @@ MAX_PENETRATION = 0.004
 MAX_BEYOND = 1e-3
 """Rad or m beyond a joint's limit, which is soft."""
 ROUNDING = 1e-6
-"""M or rad by which a snapshot's own positions may seem to differ from themselves."""
+"""M, rad or cosine by which a snapshot's own positions may seem to differ from themselves."""
 _QPOS, _QVEL = mujoco.mjtState.mjSTATE_QPOS, mujoco.mjtState.mjSTATE_QVEL
 _WARMSTART = mujoco.mjtState.mjSTATE_WARMSTART
 
@@ -64,8 +64,9 @@ class StateEditor:
             snapshot["welds"][:, k, 3:10] = torch.where(
                 active[:, k : k + 1], pose, snapshot["welds"][:, k, 3:10]
             )
-            parted = ~self._aligned(k, had[:, self.tables.target[k]], had[:, self.tables.moving[k]])
-            possible &= ~active[:, k] | self._aligned(k, target, moving) | parted
+            found = self._alignment(k, target, moving)
+            own = self._alignment(k, had[:, self.tables.target[k]], had[:, self.tables.moving[k]])
+            possible &= ~active[:, k] | found.aligned | _no_worse(found, own)
         for i in possible.nonzero().flatten().tolist():
             depth, beyond = self._strain(qpos[i], active[i])
             if depth > MAX_PENETRATION or beyond > MAX_BEYOND:
@@ -74,7 +75,8 @@ class StateEditor:
                 possible[i] &= beyond <= max(own[1] + ROUNDING, MAX_BEYOND)
         return snapshot, possible
 
-    def _aligned(self, k: int, target: Tensor, moving: Tensor) -> Tensor:
+    def _alignment(self, k: int, target: Tensor, moving: Tensor) -> connection.Alignment:
+        """How the connectors of step `k` lie to each other, its parts at poses `target` and `moving` (n, 7)."""
         ends = []
         for pose, connector in (
             (moving, self.tables.moving_connector[k]),
@@ -82,7 +84,7 @@ class StateEditor:
         ):
             point, quat = geometry.compose_pose(pose[:, :3], pose[:, 3:], connector[:3], connector[3:])
             ends += [point, geometry.quat_to_matrix(quat)]
-        return connection.align(*ends, self.tables.allowed_angles[k].expand(len(moving), -1)).aligned
+        return connection.align(*ends, self.tables.allowed_angles[k].expand(len(moving), -1))
 
     def _strain(self, qpos: Tensor, active: Tensor) -> tuple[float, float]:
         """How deep something penetrates, m, and how far a joint is beyond its limit, rad or m; below 0: not at all."""
@@ -97,3 +99,12 @@ class StateEditor:
 
     def _slice(self, component: mujoco.mjtState) -> slice:
         return row_slice(self.model, component)
+
+
+def _no_worse(found: connection.Alignment, own: connection.Alignment) -> Tensor:
+    """(n,) bool: whether connectors are no further apart, and no more tilted or turned, than they were."""
+    return (
+        (found.distance <= own.distance + ROUNDING)
+        & (found.up_cosine >= own.up_cosine - ROUNDING)
+        & (found.forward_cosine >= own.forward_cosine - ROUNDING)
+    )

@@ -36,6 +36,7 @@ def env():
         ({"skipped_phases": "half"}, "skipped_phases must be one of paid, unpaid; got 'half'"),
         ({"device": "mps"}, "device 'cpu' or 'cuda', got 'mps'"),
         ({"device": "cuda", "physics": "mujoco"}, "physics 'mujoco' runs on device 'cpu'"),
+        ({"device": "gpu"}, "simulations run on device .cpu. or .cuda., got .gpu."),
         ({"physics": "isaac"}, "physics must be one of mujoco, warp or None, got 'isaac'"),
         ({"velocity_scale": 2.0}, r"velocity_scale must be in \(0, 1\], got 2.0"),
         ({"gripper": "soft"}, "gripper must be one of sign, continuous; got 'soft'"),

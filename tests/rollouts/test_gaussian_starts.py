@@ -66,6 +66,8 @@ def test_parts_that_were_joined_askew_may_be_moved_as_they_are():
     apart, possible = env.with_qpos(straight, askew)
     assert not possible.any()
     assert env.with_qpos(apart, askew)[1].all() and env.with_qpos(apart, qpos)[1].all()
+    askew[:, LEG_2_Z] += 0.01
+    assert not env.with_qpos(apart, askew)[1].any(), "further apart than they were"
 
 
 def test_what_was_drawn_is_counted_on_after_a_resume():

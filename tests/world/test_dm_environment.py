@@ -1,5 +1,8 @@
 """The dm_env front: dm_env's own contract, and the same bits as the batched environment."""
 
+import copy
+import pickle
+
 import dm_env
 import numpy as np
 import pytest
@@ -112,3 +115,56 @@ def test_mistakes_when_stepping_are_told():
         env.step(np.zeros(8))
     with pytest.raises(ValueError, match="NaN"):
         env.step(np.full(9, np.nan))
+
+
+@pytest.mark.parametrize("again", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+def test_a_copy_goes_on_from_the_same_state(again):
+    """To the bit, as two simulations do that are restored from one snapshot; then both draw the same next start."""
+    env = load_dm(TASK, 1, seed=2, max_steps=5)
+    env.reset()
+    env.step(np.full(9, 0.5))
+    twin = again(env)
+    env.world.restore(env.snapshot())
+    for _ in range(6):
+        one, other = env.step(np.full(9, -0.4)), twin.step(np.full(9, -0.4))
+        assert one.step_type == other.step_type and one.reward == other.reward
+        np.testing.assert_array_equal(one.observation["observation"], other.observation["observation"])
+    twin.step(np.ones(9))
+    assert (twin.physics.data.qpos != env.physics.data.qpos).any()
+
+
+def test_what_is_written_into_the_data_is_seen_at_once():
+    env = load_dm(TASK, 0, seed=2)
+    env.reset()
+    env.physics.data.qpos[11] += 0.3  # of the first part, z
+    assert env.snapshot()["physics"].tolist() == env.world.physics.state().tolist()
+    height = env.physics.data.qpos[11]
+    assert float(env.world.physics.qpos[0, 11]) == height
+    env.physics.set_control(np.full(9, 0.01))
+    assert (env.physics.control() == 0.01).all() and (env.world.physics.ctrl == 0.01).all()
+    env.step(np.zeros(9))
+    assert abs(env.physics.data.qpos[11] - height) < 0.1  # it falls from there
+
+
+def test_a_reset_of_the_physics_ends_with_current_poses():
+    physics = load_dm(TASK, 0, seed=2).physics
+    with physics.reset_context():
+        physics.data.qpos[11] = 0.9
+    assert physics.data.xpos[:, 2].max() >= 0.9
+
+
+def test_a_copy_of_the_physics_undoes_all_welds():
+    env = load_dm(TASK, 2, seed=2, preassembled="jitter")
+    compiled = env.world.physics.compiled_welds.clone()
+    env.reset()
+    copied = env.physics.copy()
+    assert (copied.view.eq_data != compiled).any()
+    copied.reset()
+    assert (copied.view.eq_data == compiled).all()
+
+
+@pytest.mark.parametrize("seed", [-1, 1.5, "3", True, 2**64])
+def test_a_seed_is_a_whole_number(seed):
+    with pytest.raises(ValueError, match="seed must be a whole number from 0 to 18446744073709551615, got"):
+        load_dm(TASK, 0, seed=seed)
+    assert load_dm(TASK, 0, seed=np.int64(3)) is not None

@@ -50,6 +50,18 @@ def assert_same(ours, theirs):
         assert data_equivalence(one, other, exact=True), f"{one} is not {other}"
 
 
+@pytest.mark.parametrize("mode", list(AutoresetMode))
+def test_a_row_that_was_never_reset_does_not_step(mode):
+    env = make_vec(subtask=0, autoreset_mode=mode)
+    with pytest.raises(gymnasium.error.ResetNeeded, match=r"in simulations \[0, 1\]"):
+        env.step(np.zeros((2, 9)))
+    env.reset(seed=0, options={"reset_mask": np.array([True, False])})
+    with pytest.raises(gymnasium.error.ResetNeeded, match=r"in simulations \[1\]"):
+        env.step(np.zeros((2, 9)))
+    env.reset(options={"reset_mask": np.array([False, True])})
+    env.step(np.zeros((2, 9)))
+
+
 def test_a_step_ignores_the_action_of_a_row_that_it_resets():
     env = make_vec(subtask=0, max_steps=1)
     env.reset(seed=0)

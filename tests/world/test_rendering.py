@@ -70,6 +70,16 @@ def test_files_are_written(tmp_path, model, renderer):
         assert np.argmin([abs(frame - drawn).mean() for drawn in frames]) == index
 
 
+def test_what_draws_the_frames_fails_as_itself_and_leaves_no_film(tmp_path):
+    def frames():
+        yield np.zeros((64, 64, 3), dtype=np.uint8)
+        raise FileNotFoundError("a frame")
+
+    with pytest.raises(FileNotFoundError, match="a frame"):
+        rendering.write_mp4(tmp_path / "film.mp4", frames())
+    assert not list(tmp_path.iterdir())
+
+
 def test_mistakes_are_told(model, renderer):
     with pytest.raises(ValueError, match="no camera is called 'above'; valid: 'workplace'"):
         rendering.make_renderer(model, camera="above")

@@ -71,7 +71,7 @@ def finished(name: str) -> TensorDict:
     world = make(2, 3, name=name, preassembled="jitter")
     world.task.connect_ideally(3, torch.ones(2, dtype=torch.bool))
     world.task.starts.weld(3, torch.ones(2, dtype=torch.bool))
-    return world.snapshot()
+    return world.snapshot().set(("task", "subtask"), torch.tensor([4, 4]))
 
 
 def test_finished_pieces_are_told_apart_by_what_their_welds_join(table):
@@ -90,16 +90,42 @@ def test_finished_pieces_are_told_apart_by_what_their_welds_join(table):
         (lambda s: s.set("welds", s["welds"][:, :3]), r"'welds' .* \(2, 4, \d+\), got \(2, 3, \d+\): was it taken of"),
         (lambda s: s[:1], r"a snapshot of 2 simulations is needed, got \(1,\)"),
         (lambda s: s.to_dict(), "is the TensorDict that snapshot.. gives, got a dict"),
-        (lambda s: s.set("welds", torch.nan * s["welds"]), OTHER),
+        (lambda s: s.set("welds", torch.nan * s["welds"]), "'welds' of a .* is not finite in simulation 0"),
+        (lambda s: s.set("physics", s["physics"].float()), "'physics' of a .* is of torch.float64, got torch.float32"),
+        (lambda s: s.set(("task", "subtask"), torch.tensor([0, 2])),
+         r"is of no state of table_lack: at subtask 0 the welds of the steps before it hold, here those of steps "),
         (lambda s: s.set(("task", "subtask"), torch.tensor([0, -3])), r"'task\.subtask' .*got -3 in simulation 1"),
         (lambda s: s.set(("task", "subtask"), torch.tensor([5, 0])), r"'task\.subtask' .*got 5 in simulation 0"),
         (lambda s: s.set(("task", "phase"), torch.tensor([0, 12])), r"'task\.phase' .* in 0\.\.7, got 12 in"),
-        (lambda s: s.set("physics", torch.nan * s["physics"]), "'physics' .*table_lack is NaN in simulation 0"),
-        (lambda s: s.set(("task", "potential"), torch.nan * s["task", "potential"]), "'task.potential' .* is NaN"),
-        (lambda s: s.set(("task", "reward"), torch.tensor([0, torch.nan])), "'task.reward' .* is NaN in sim.* 1"),
+        (lambda s: s.set("physics", torch.nan * s["physics"]), "'physics' .*is not finite in simulation 0"),
+        (lambda s: s.set("physics", torch.inf + s["physics"]), "'physics' .*is not finite in simulation 0"),
+        (lambda s: s.set(("task", "potential"), torch.nan * s["task", "potential"]), "'task.potential' .* not finite"),
+        (lambda s: s.set(("task", "reward"), torch.tensor([0, torch.nan]).double()),
+         "'task.reward' .* is not finite in simulation 1"),
     ],
 )  # fmt: skip
 def test_what_is_missing_or_of_another_shape_is_named(table, change, message):
     for take in (table.restore, table.reset_to):
         with pytest.raises(ValueError, match=message):
             take(change(table.snapshot()))
+
+
+@pytest.mark.parametrize(
+    ("moved", "message"), [(5.0, "not taken of table_lack"), (torch.nan, "is not finite")]
+)
+def test_a_weld_that_holds_must_join_its_connectors(moved, message):
+    world = make(2, 2)
+    snapshot = world.snapshot()
+    snapshot["welds"][1, 1, 3] += moved
+    for take in (world.restore, world.reset_to):
+        with pytest.raises(ValueError, match=f"{message}.*" if moved == 5.0 else message):
+            take(snapshot)
+        take(snapshot, torch.tensor([True, False]))
+
+
+def test_a_simulation_that_was_given_up_is_restored_without_its_welds():
+    world = make(2, 2)
+    world.physics.qpos[0] = torch.inf
+    world.step(torch.zeros(2, 9, dtype=torch.float64))
+    assert world.state["failed"].tolist() == [True, False]
+    world.restore(world.snapshot())

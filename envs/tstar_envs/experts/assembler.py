@@ -71,7 +71,7 @@ class Assembler:
 
     def _reach(self, state: EpisodeState, scene: Scene, hand: Tensor) -> tuple[Tensor, Tensor]:
         """Twist (N, 6) towards the grasp, and whether to close, (N,) bool."""
-        side = (scene.grasp_axis * scene.closing).sum(-1, keepdim=True).sign()
+        side = torch.where((scene.grasp_axis * scene.closing).sum(-1, keepdim=True) < 0, -1.0, 1.0)
         along = (scene.grasp_axis * scene.grip_direction).sum(-1, keepdim=True)
         level = scene.grasp_axis - scene.grip_direction * along
         closing = torch.nn.functional.normalize(level * side, dim=-1)

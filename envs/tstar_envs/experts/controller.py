@@ -37,7 +37,14 @@ def rotation_vector(current: Tensor, goal: Tensor) -> Tensor:
     )
     sine = skew.norm(dim=-1, keepdim=True) / 2
     cosine = (turn.diagonal(dim1=1, dim2=2).sum(-1, keepdim=True) - 1) / 2
-    return skew / (2 * sine.clamp_min(1e-9)) * torch.atan2(sine, cosine)
+    vector = skew / (2 * sine.clamp_min(1e-9)) * torch.atan2(sine, cosine)
+    half = (sine < 1e-6) & (cosine < 0)
+    if bool(half.any()):  # then the axis is in the symmetric part alone, and its sign means nothing
+        columns = turn + torch.eye(3, dtype=turn.dtype, device=turn.device)
+        longest = columns.norm(dim=1).argmax(-1)
+        axis = torch.nn.functional.normalize(columns[torch.arange(len(turn)), :, longest], dim=-1)
+        vector = torch.where(half, torch.pi * axis, vector)
+    return vector
 
 
 def clip_norm(vector: Tensor, limit: float) -> Tensor:

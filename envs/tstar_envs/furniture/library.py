@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+import re
 from pathlib import Path
 
 import yaml
@@ -24,9 +25,12 @@ from tstar_envs.furniture.shapes import Box, Capsule, Cylinder
 DATA = Path(__file__).parent / "data"
 
 
+_NAME = re.compile(r"[a-z0-9]+(_[a-z0-9]+)*")
+
+
 def names() -> tuple[str, ...]:
-    """Returns the names that `load` knows."""
-    return tuple(sorted(path.stem for path in DATA.glob("*.yaml")))
+    """Returns the names that `load` knows: of files whose name is words of small letters and digits, joined by `_`."""
+    return tuple(sorted(path.stem for path in DATA.glob("*.yaml") if _NAME.fullmatch(path.stem)))
 
 
 def load(name: str) -> Furniture:

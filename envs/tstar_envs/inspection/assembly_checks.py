@@ -13,6 +13,8 @@ from tstar_envs.inspection.workshop import FAR, Workshop
 
 WIDEST, NARROWEST, FIRM = 0.079, 0.0145, 0.0175
 """m: between the pads open and closed, and what they hold firmly: docs/decisions/0007-chair.md."""
+MOST_MASS = 5.0
+"""kg: what is heavier slips out of the grip."""
 INSIDE, ON_THE_WAY = 0.0005, 0.002
 """m: how deep joined parts may be in each other, and how deep on the way there."""
 _LOOK_AHEAD = 0.03
@@ -72,7 +74,7 @@ def _grasp(workshop: Workshop, k: int) -> Found:
 
 
 def _reach(workshop: Workshop, k: int) -> Found:
-    """The hand where it grasps, and where it holds the part when the connectors meet, whichever way round is easier."""
+    """The hand where it grasps, and where it holds the part when the connectors meet: one way round, the easier."""
     step = workshop.furniture.steps[k]
     point, axis = _grasp_in_world(workshop, k)
     approach = np.array(step.grip_angle)
@@ -81,17 +83,15 @@ def _reach(workshop: Workshop, k: int) -> Found:
         return
     axis /= np.linalg.norm(axis)
     moved = _motion(workshop, k)
-    least = [None, None]
+    sides = []
     for side in (1.0, -1.0):
         hand = np.stack([np.cross(side * axis, approach), side * axis, approach], axis=1)
         ends = (point, hand), (moved[:3, :3] @ point + moved[:3, 3], moved[:3, :3] @ hand)
-        for i, (tip, frame) in enumerate(ends):
-            found = shortfall(workshop.model, tip, frame)
-            if least[i] is None or found.distance + 0.1 * found.angle < least[i][0]:
-                least[i] = found.distance + 0.1 * found.angle, found
-    for which, what in zip(least, ("to grasp", "to join"), strict=True):
-        if which is not None and not which[1].reached:
-            off, angle = 1000 * which[1].distance, np.degrees(which[1].angle)
+        sides.append([shortfall(workshop.model, tip, frame) for tip, frame in ends])
+    easier = min(sides, key=lambda found: max(each.distance + 0.1 * each.angle for each in found))
+    for found, what in zip(easier, ("to grasp", "to join"), strict=True):
+        if not found.reached:
+            off, angle = 1000 * found.distance, np.degrees(found.angle)
             yield (
                 True,
                 f"steps[{k}]",
@@ -148,6 +148,13 @@ def _values(workshop: Workshop, k: int) -> Found:
             "contact_impedance",
             f"{step.moving_part} of {1000 * masses[moving]:.0f} g carries {1000 * sum(masses.values()):.0f} g in "
             f"steps[{k}]: MuJoCo's own is too soft for that, see docs/furniture.md",
+        )
+    if (carried := sum(masses.values())) > MOST_MASS:
+        yield (
+            True,
+            f"steps[{k}]",
+            f"{step.moving_part} and what is joined to it weigh {carried:.3g} kg, the hand lifts {MOST_MASS:g} kg: "
+            f"give the parts a smaller density, or move the other part",
         )
     if step.insertion > 0 and step.clearance < 0.006:
         yield (

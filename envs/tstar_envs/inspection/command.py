@@ -15,6 +15,7 @@ from tstar_envs.furniture import Furniture, FurnitureError, library
 from tstar_envs.inspection import drawing
 from tstar_envs.inspection.findings import inspect
 from tstar_envs.inspection.trial import try_out
+from tstar_envs.tasks.episode_start import StartError
 
 ENOUGH, ENOUGH_WHOLE = 0.95, 0.85
 """Share of scripted episodes of a step, and of the whole piece, with which a piece is fit for the library."""
@@ -28,7 +29,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if asked.command == "draw":
             return _draw(furniture, asked.picture, small=True)
         return _check(furniture, asked)
-    except (FurnitureError, OSError) as error:
+    except (FurnitureError, StartError, OSError) as error:
         print(f"WRONG     {error}")
         return 1
 

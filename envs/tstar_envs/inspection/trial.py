@@ -21,7 +21,7 @@ class Trial(NamedTuple):
     step: int | None
     episodes: int
     success: float  # share of the episodes
-    length: float  # control steps, mean over the successes
+    length: float  # control steps, mean over the successes; NaN without one
     failures: str  # how the others failed, in words
     phase: str  # of the reward, that most successes of a step came to; the last one where `step` is None
     other_way: bool  # the part mostly comes round the other way than starts at the next step suppose
@@ -35,7 +35,8 @@ class Trial(NamedTuple):
         if self.other_way:
             how += "; it turns the part the other way round than the starts have it in which the next skill learns,"
             how += " so that its quaternion has another sign (write degrees: -180 for 180, or 180 for -180)"
-        return f"{what}: {self.success:.0%} of {self.episodes}, in {self.length:.0f} control steps{how}"
+        took = f", in {self.length:.0f} control steps" if self.success else ""
+        return f"{what}: {self.success:.0%} of {self.episodes}{took}{how}"
 
 
 def try_out(furniture: Furniture, step: int | None, episodes: int = 20, seed: int = 0) -> Trial:

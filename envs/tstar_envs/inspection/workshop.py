@@ -70,11 +70,13 @@ class Workshop:
     def thickness(self, parts: list[int], point: np.ndarray, axis: np.ndarray) -> tuple[float, float] | None:
         """Surfaces of `parts` met from either side along `axis`, as distances from `point`; None if one is missed.
 
-        They are looked for up to `FAR` to either side: what lies beyond is not between the fingers.
+        They are looked for from `FAR` to either side: what lies beyond, or there, is not between the fingers.
         """
+        geoms = [geom for part in parts for geom in self._geoms[part]]
+        if any(self._off_geom(geom, point + end * axis) == 0 for geom in geoms for end in (-FAR, FAR)):
+            return None
         self.model.geom_group[:] = 0
-        for part in parts:
-            self.model.geom_group[self._geoms[part]] = _PART_GROUP
+        self.model.geom_group[geoms] = _PART_GROUP
         group = np.zeros(6, dtype=np.uint8)
         group[_PART_GROUP] = 1
         found = []

@@ -32,7 +32,10 @@ def make_physics(
         ValueError: unknown device or simulator, or `mujoco` on a GPU.
         ImportError: `warp` without the extra `gpu`.
     """
-    kind = torch.device(device).type
+    try:
+        kind = torch.device(device).type
+    except RuntimeError:  # torch's message lists all that it was ever built for
+        kind = None
     if kind not in ("cpu", "cuda"):
         raise ValueError(f"simulations run on device 'cpu' or 'cuda', got {str(device)!r}")
     name = name or ("mujoco" if kind == "cpu" else "warp")

@@ -23,7 +23,8 @@ class SinglePhysics:
     """`PhysicsView` of one simulation: `data` on `model`, whose weld poses (`eq_data`) are this simulation's own.
 
     The state is a row, as in MuJoCo's batch: it is loaded before each call and saved after it. Loading it tells MuJoCo
-    what was written, which wakes parts that sleep. What others wrote into `data` meanwhile is loaded with it.
+    what was written, which wakes parts that sleep. What others wrote into `data` meanwhile joins it then, or in
+    `catch_up`.
     """
 
     steps_together = False
@@ -40,7 +41,8 @@ class SinglePhysics:
         parts = (_STATE.mjSTATE_QPOS, _STATE.mjSTATE_QVEL, _STATE.mjSTATE_CTRL, _STATE.mjSTATE_EQ_ACTIVE)
         self.qpos, self.qvel, self.ctrl, self.eq_active = (rows[:, row_slice(model, part)] for part in parts)
         self.eq_data = _shared(model.eq_data)
-        self._compiled_welds = self.eq_data.clone()
+        self.compiled_welds = self.eq_data.clone()
+        """What `clear` puts the weld poses back to, (1, welds, W)."""
         self._sensors = _shared(data.sensordata)
 
     def body_pose(self, name: str) -> Tensor:
@@ -94,11 +96,27 @@ class SinglePhysics:
     def clear(self, mask: Tensor) -> None:
         if bool(mask[0]):
             mujoco.mj_resetData(self.model, self.data)
-            self.eq_data.copy_(self._compiled_welds)
+            self.eq_data.copy_(self.compiled_welds)
             self._save()
             self._current = False
 
+    def catch_up(self) -> None:
+        """Takes what others wrote into `data` since the last call into the state."""
+        mujoco.mj_getState(self.model, self.data, self._found, _ROW)
+        written = self._found != self._saved
+        self._row[written] = self._saved[written] = self._found[written]
+        written[self._controls] = False
+        if written.any():
+            self._current = False
+
+    def refresh(self) -> None:
+        """Makes positions, velocities and their sensors those of the state, where others have written into `data`."""
+        self.catch_up()
+        if not self._current:
+            self.forward()
+
     def state(self) -> Tensor:
+        self.catch_up()
         return torch.from_numpy(self._row.copy()).unsqueeze(0)
 
     def set_state(self, rows: Tensor, welds: Tensor, mask: Tensor | None = None) -> None:
@@ -112,9 +130,7 @@ class SinglePhysics:
         pass  # the MjData is its owner's
 
     def _load(self) -> None:
-        mujoco.mj_getState(self.model, self.data, self._found, _ROW)
-        written = self._found != self._saved  # by others, into the MjData
-        self._row[written] = self._found[written]
+        self.catch_up()
         if (self._row != self._found).any():
             mujoco.mj_setState(self.model, self.data, self._row, _ROW)
         changed = self._row != self._saved

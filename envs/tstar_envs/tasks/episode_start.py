@@ -20,6 +20,10 @@ TRIES = 10
 """Starts drawn for one simulation before it is an error that none of them settles."""
 
 
+class StartError(RuntimeError):
+    """No episode can begin: the simulations fail while their parts settle."""
+
+
 class EpisodeStarts:
     """Writes start states into a batch of simulations, drawing noise from a private generator."""
 
@@ -67,7 +71,7 @@ class EpisodeStarts:
         """Starts the simulations of `mask`; one that fails while its parts settle is drawn again.
 
         Raises:
-            RuntimeError: if one fails every time.
+            StartError: if one fails every time.
         """
         for _ in range(TRIES):
             mask = self._lay_out(mask, subtask)
@@ -75,7 +79,7 @@ class EpisodeStarts:
             if not failed:
                 return
             self.failures += failed
-        raise RuntimeError(
+        raise StartError(
             f"{failed} simulations failed while their parts settled, {TRIES} times each: the settings of the start "
             f"(part_noise, jitter, drop_height) or the furniture's initial poses ask for what cannot be"
         )

@@ -6,7 +6,7 @@ import pytest
 from chair_file import put
 
 from tstar_envs import furniture
-from tstar_envs.furniture import FurnitureError
+from tstar_envs.furniture import FurnitureError, library
 from tstar_envs.furniture.library import read
 
 
@@ -14,6 +14,14 @@ def delete(data, *path):
     for key in path[:-1]:
         data = data[key]
     del data[path[-1]]
+
+
+@pytest.mark.parametrize("odd", ["my stool.yaml", ".#table_lack.yaml", "._x.yaml", "table__lack.yaml"])
+def test_a_file_of_an_odd_name_is_no_piece(odd, tmp_path, monkeypatch):
+    for name in ("table_lack.yaml", odd):
+        (tmp_path / name).write_text((library.DATA / "table_lack.yaml").read_text())
+    monkeypatch.setattr(library, "DATA", tmp_path)
+    assert library.names() == ("table_lack",)
 
 
 def test_unknown_furniture_is_told_the_nearest_name():

@@ -85,7 +85,10 @@ def _under_a_roof(data):
         (lambda d: d["parts"]["leg_2"]["connectors"]["top_end"].update(pos=[0, 0, 0.2]), False,
          "parts.leg_2.connectors.top_end.pos", "floats 69 mm off"),
         (_under_a_roof, True, "steps[0]", "leg_2 would go through table_top"),
-        (lambda d: d["parts"]["table_top"].update(density=10000), True, "parts.table_top.density", "weighs 6.14e+04 g"),
+        (lambda d: _leg(d, boxes=[{"size": [0.1, 0.015, 0.13], "pos": [0.05, 0, 0]}]), True,
+         "steps[0].grasp", "nothing of leg_2 is between the fingers there, or it is wider than 200 mm"),
+        (lambda d: _leg(d, density=20000, boxes=[{"size": [0.017, 0.017, 0.13]}]), True,
+         "steps[0]", "leg_2 and what is joined to it weigh 6.01 kg"),
         (lambda d: _leg(d, density=1), False, "parts.leg_2.density", "weighs 0.236 g"),
         (lambda d: _step(d, waypoint=[0, 0, 0]), False, "steps[0].waypoint", "by nothing"),
         (lambda d: _step(d, insertion=0.02, clearance=0.002), False, "steps[0].clearance", "2 mm of play"),
@@ -106,6 +109,25 @@ def test_a_light_part_that_carries_the_rest_needs_stiffer_contacts(tmp_path):
     assert found and "left_side of 12 g carries" in found[0].text
 
 
+def test_a_heavy_part_that_nobody_lifts_is_in_order(table):
+    found = inspect(library.read(table(lambda d: d["parts"]["table_top"].update(density=10000))))
+    assert not [finding for finding in found if "weigh" in finding.text]
+
+
+def test_parts_that_pass_through_each_other_may_lie_in_each_other(table):
+    there = {"initial_pose": [-0.37, 0.27, 0.015, 0.5, 0.5, 0.5, 0.5]}
+
+    def start(free: bool) -> list[str]:
+        def change(data):
+            _leg(data, **there)
+            data["no_contact"] = [["leg_2", "leg_3"]] if free else []
+
+        where = "parts.leg_3.initial_pose"
+        return [f.text for f in inspect(library.read(table(change))) if f.where == where]
+
+    assert start(free=False) and not start(free=True)
+
+
 def test_the_script_says_how_it_fails(table):
     trial = try_out(library.read(table()), 0, episodes=4)
     assert trial.success == 1.0 and str(trial).startswith("steps[0]: 100% of 4, in ")
@@ -113,6 +135,7 @@ def test_the_script_says_how_it_fails(table):
     beside = {"left": [-0.02, 0, 0.3], "right": [0.02, 0, 0.3]}
     trial = try_out(library.read(table(lambda d: _leg(d, grasps=[beside]))), 0, episodes=2)
     assert trial.success == 0.0 and trial.failures == "2 never had the part between both fingers"
+    assert str(trial) == "steps[0]: 0% of 2; 2 never had the part between both fingers"
 
 
 def test_a_lift_point_that_the_script_does_not_come_by_is_named(table):
@@ -173,6 +196,21 @@ def test_the_command_refuses_a_file_that_cannot_be_read(table, tmp_path, capsys)
     assert main(["check", str(tmp_path / "none.yaml")]) == 1
     assert main(["check", "table_lak"]) == 1
     assert "did you mean 'table_lack'" in capsys.readouterr().out
+
+
+def test_the_command_tells_what_mujoco_does_not_take(table, capsys):
+    path = table(lambda d: _leg(d, boxes=[{"size": [0.0001, 0.0001, 0.0001]}]))
+    assert main(["check", str(path)]) == 1
+    said = capsys.readouterr().out
+    assert "WRONG     my_table: MuJoCo does not take its scene: " in said and "mass and inertia" in said
+
+
+def test_a_start_in_which_nothing_settles_is_told(table, monkeypatch, capsys):
+    monkeypatch.setattr("tstar_envs.physics.cpu.CpuPhysics.settle", lambda self, mask, substeps: mask)
+    assert main(["check", str(table()), "--picture", "/dev/null.png"]) == 1
+    assert (
+        "WRONG     20 simulations failed while their parts settled, 10 times each" in capsys.readouterr().out
+    )
 
 
 @pytest.mark.parametrize(
