@@ -3,6 +3,8 @@
     python recipes/floored.py task=table_lack scale=narrow floor=0.02 seed=0
     python recipes/evaluate.py system=floored scale=narrow seed=0
 
+of skills of that scale, in folders of their own (docs/usage.md, "Step by step", has such commands).
+
 A skill whose inputs hardly varied in training takes a small change for a large one. This control shows how much of what
 a chaining method mends is only that. Policies and value networks are left as they are.
 """

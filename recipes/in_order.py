@@ -3,6 +3,8 @@
     python recipes/bc.py task=table_lack scale=no_return subtask=0     # and 1, 2, 3: what is trained here
     python recipes/in_order.py task=table_lack scale=no_return seed=0
 
+after `make_demonstrations.py`, and in folders of their own: docs/usage.md, "Step by step", has all commands.
+
 Nothing is mended afterwards: the whole training of a skill is its turn. A share `demonstrated_ends` of its
 demonstrations is made anew, by the expert, from states in which the skill before succeeded; the clone is fitted to
 them and to the rest of the old ones. With demonstrated_ends=0 no demonstration is made.

@@ -3,6 +3,8 @@
     python recipes/bc.py task=table_lack scale=no_return subtask=0     # and 1, 2, 3: what is cloned again here
     python recipes/in_order_cloned.py task=table_lack scale=no_return seed=0
 
+after `make_demonstrations.py`, and in folders of their own: docs/usage.md, "Step by step", has all commands.
+
 A turn's rollouts only find the states in which its skill ends, from which the expert begins for the next skill.
 """
 

@@ -3,6 +3,8 @@
     python recipes/refitted.py task=table_lack scale=narrow seed=0
     python recipes/evaluate.py system=refitted scale=narrow seed=0
 
+of skills of that scale, in folders of their own (docs/usage.md, "Step by step", has such commands).
+
 An input that varies more in the chain than it did in training is scaled by its deviation in the chain. A control as
 `floored.py` is, without a number to choose. Policies and value networks are left as they are, and so is what they see
 of every other input.

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from tstar_rl.deferred import deferred
 
 if TYPE_CHECKING:
-    from tstar_rl.chaining.chain import ChainPolicy, save_chain
+    from tstar_rl.chaining.chain import ChainPolicy, load_chain, save_chain
     from tstar_rl.chaining.signals import StateValue, value_scale
     from tstar_rl.chaining.skill import NetworkSettings, Skill
     from tstar_rl.chaining.trials import run_trial
@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from tstar_rl.transforms.hand_over_rewards import FeasibilityReward, HandOverValueReward
     from tstar_rl.transforms.proximity_reward import ProximityReward
     from tstar_rl.transforms.reward_mixture import RewardMixture, weighted
+    from tstar_rl.transforms.reward_transform import RewardTransform
     from tstar_rl.transforms.skill_chain_reset import SkillChainReset
     from tstar_rl.transforms.terminal_state_reward import ConstantBonus, TerminalStateReward
     from tstar_rl.updates.cloning import BehaviourCloningSettings, behaviour_cloning
@@ -60,6 +61,7 @@ HOMES = {
     "NetworkSettings": "chaining.skill",
     "ProximityReward": "transforms",
     "RewardMixture": "transforms",
+    "RewardTransform": "transforms",
     "Run": "runs.run",
     "Section": "config.schema",
     "ShippedChain": "shipped.chain",
@@ -72,6 +74,7 @@ HOMES = {
     "chain_turns": "config.chain",
     "derive_seed": "seeds",
     "environment": "config.build",
+    "load_chain": "chaining.chain",
     "load_demonstrations": "config.build",
     "load_skills": "config.chain",
     "new_skill": "config.build",
@@ -107,6 +110,7 @@ __all__ = [
     "NetworkSettings",
     "ProximityReward",
     "RewardMixture",
+    "RewardTransform",
     "Run",
     "Section",
     "ShippedChain",
@@ -120,6 +124,7 @@ __all__ = [
     "chain_turns",
     "derive_seed",
     "environment",
+    "load_chain",
     "load_demonstrations",
     "load_skills",
     "new_skill",

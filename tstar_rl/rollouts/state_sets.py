@@ -4,7 +4,9 @@ Rows are drawn with replacement, uniformly unless a termination set has been giv
 caller owns, so that a run can be resumed to the bit.
 """
 
-from collections.abc import Mapping
+import logging
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 import torch
@@ -13,6 +15,18 @@ from torch import Tensor
 from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
 
 __all__ = ["InitiationSet", "StateSet", "TerminationSet"]
+
+
+@contextmanager
+def _without_notes() -> Iterator[None]:
+    """Keeps back what TorchRL notes of every storage that is filled for the first time: a chain has several a skill."""
+    logger = logging.getLogger("torchrl")
+    level = logger.level
+    logger.setLevel(logging.WARNING)
+    try:
+        yield
+    finally:
+        logger.setLevel(level)
 
 
 class StateSet:
@@ -55,7 +69,8 @@ class StateSet:
         """Adds rows (n,); of more than `capacity` the last are kept. Returns n."""
         count = rows.batch_size[0]
         if count:
-            self.buffer.extend(rows[-self.capacity :].clone().to(self.device))
+            with _without_notes():
+                self.buffer.extend(rows[-self.capacity :].clone().to(self.device))
             self.added += count
             self.changes += 1
         return count
@@ -95,7 +110,8 @@ class StateSet:
             raise ValueError(f"the saved set has {count} states, but this one's capacity is {self.capacity}")
         self.clear()
         if count:
-            self.buffer.extend(TensorDict(state["rows"], batch_size=[count], device=self.device))
+            with _without_notes():
+                self.buffer.extend(TensorDict(state["rows"], batch_size=[count], device=self.device))
         self.buffer.writer.load_state_dict(dict(state["writer"]))
         self.added = int(state["added"])
 
