@@ -194,7 +194,7 @@ def test_a_recipe_whose_worker_is_killed_goes_on_elsewhere(cluster, demonstratio
 @pytest.mark.slow
 def test_a_recipe_that_fails_on_the_cluster_is_named(cluster, tmp_path):
     step = ("gail_ppo", "subtask=0", f"demonstrations_dir={tmp_path}")
-    with pytest.raises(SystemExit, match=r"this step failed .*gail_ppo.py .*subtask=0"):
+    with pytest.raises(SystemExit, match=r"(?s)this step failed .*gail_ppo.py .*subtask=0"):
         run_on_cluster(CLUSTER, 2, step, [*SMALL, *places(tmp_path, "a")])
 
 
