@@ -89,6 +89,10 @@ def test_an_injected_start_of_another_subtask_changes_nothing():
 def test_a_finished_table_is_no_start():
     env = make(subtask=None)
     env.reset()
+    everywhere = torch.ones(3, dtype=torch.bool)
+    for step in range(4):
+        env.world.task.connect_ideally(step, everywhere)
+        env.world.task.starts.weld(step, everywhere)
     finished = env.snapshot()
     finished["task", "subtask"] = torch.full_like(finished["task", "subtask"], 4)
     with pytest.raises(

@@ -78,9 +78,8 @@ def test_what_is_published_is_not_run_again(queue, tmp_path):
         shutil.copytree(
             ROOT / "results/published/shelf/chair_agne" / arm / "seed310", place / arm / "seed310"
         )
-    assert queue("unpublished=true") == []
+    asked = ("unpublished=true", f"arms=[{','.join(sorted(ARMS))}]")  # an arm may be declared and not run yet
+    assert queue(*asked) == []
     (place / "tstar/seed310/evaluation.csv").unlink()
-    systems = {
-        value for step, _, _ in queue("unpublished=true") for value in step if value.startswith("system=")
-    }
+    systems = {value for step, _, _ in queue(*asked) for value in step if value.startswith("system=")}
     assert "system=tstar" in systems and "system=gaussian" not in systems

@@ -29,7 +29,9 @@ __all__ = ["answers", "arms", "commits", "comparison_table", "comparisons", "dra
 
 ARMS = "Every seed is a dot, with interquartile mean and 95% interval; right: the share of seeds above a progress."
 PAIRS = "Differences in progress on the same seed."
-STARRED = "\n\\* The skills' own success in this gap is that before fine-tuning, or before their normalisers were changed.\n"
+STARRED = (
+    "\n\\* In this gap the skills' success is that before fine-tuning, or before normalisers were changed.\n"
+)
 
 
 def ordered(experiment: Experiment, paper: Paper, task: str, mode: str = "deterministic") -> pd.DataFrame:
