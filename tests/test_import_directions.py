@@ -26,6 +26,7 @@ LAYERS = (
     ("dm_physics",),
     ("registry", "dm_environment", "gymnasium_shared"),
     ("gymnasium_env", "gymnasium_vector_env"),
+    ("stable_baselines_env",),
     ("inspection",),
     ("__main__",),  # a command line, whichever room it is of
 )

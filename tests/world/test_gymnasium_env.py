@@ -214,20 +214,3 @@ def test_mistakes_when_stepping_are_told():
             each.step(np.zeros(8))
         with pytest.raises(ValueError, match="NaN in simulations"):
             each.step(np.full(shape, np.nan))
-
-
-@pytest.mark.slow
-def test_ppo_of_stable_baselines_learns_to_reach():
-    """4096 steps of the first 20 control steps of a subtask: enough to move above the part."""
-    from stable_baselines3 import PPO
-    from stable_baselines3.common.env_util import make_vec_env
-    from stable_baselines3.common.evaluation import evaluate_policy
-
-    arguments = {"subtask": 0, "max_steps": 20, "reward_scale": 0.05}
-    training, fresh = (make_vec_env(ID, n, seed=n, env_kwargs=arguments) for n in (4, 1))
-    model = PPO("MlpPolicy", training, n_steps=128, learning_rate=1e-3, gamma=0.95, seed=0, device="cpu")
-    before, _ = evaluate_policy(model, fresh, n_eval_episodes=5)
-    model.learn(4096)
-    after, _ = evaluate_policy(model, fresh, n_eval_episodes=5)
-    assert model.num_timesteps == 4096
-    assert after > before + 5, f"return {before} before, {after} after"

@@ -108,13 +108,3 @@ def test_dm_controls_physics_is_the_simulation():
     assert physics.named.data.qpos["table_top"][2] < top + 0.3 - 0.03  # it falls
     assert physics.named.data.qpos["table_top"][2] in observation
     assert physics.timestep() * 10 == pytest.approx(env.control_timestep()) == 0.1
-
-
-@pytest.mark.slow
-def test_ppo_of_stable_baselines_runs_on_a_vector_of_the_fronts():
-    stable_baselines3 = pytest.importorskip("stable_baselines3")
-    from stable_baselines3.common.env_util import make_vec_env
-
-    env = make_vec_env(ID, 2, seed=0, env_kwargs={"subtask": 0, "max_steps": 10, "reward_scale": 0.05})
-    model = stable_baselines3.PPO("MlpPolicy", env, n_steps=32, batch_size=32, seed=0, device="cpu")
-    assert model.learn(64).num_timesteps == 64
