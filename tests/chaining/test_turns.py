@@ -71,6 +71,14 @@ def test_a_signal_in_bfloat16_pays_the_same_after_a_kill(whole_and_resumed):
     pd.testing.assert_frame_equal(whole, resumed)
 
 
+def test_a_further_network_in_bfloat16_is_resumed(whole_and_resumed):
+    """A resumed chain is loaded before its skills, which have no d_seams until then."""
+    values = ("chain.gate=false", "chain.links=2", "chain.rounds=2", "+d_omega.bfloat16=true")
+    whole, resumed = whole_and_resumed("scar_like", *values)
+    assert whole.tsr_on_success.notna().any()
+    pd.testing.assert_frame_equal(whole, resumed)
+
+
 @pytest.mark.parametrize("carry_over", [True, False])
 def test_optimisers_and_simulations_are_carried_over_or_made_anew(carry_over, point_chain, monkeypatch):
     seen = {}

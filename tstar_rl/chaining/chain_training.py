@@ -175,10 +175,11 @@ class ChainTraining:
         """What `state_dict` gave; each is loaded when its turn comes."""
         self._waiting = dict(state["carried"])
         self.turn_order.load_state_dict(state["turn_order"])
-        # What trains a network also sets `coarse`, and may not be made again before the network pays a turn.
+        # What trains a network also sets `coarse`, and may not be made again before the network pays a turn. A further
+        # network is made here: components are loaded by name, the chain before its skills.
         for place in state.get("coarse", ()):
             index, _, name = place.partition("/")
-            self.skills[int(index)].networks[name].coarse = True
+            self.skills[int(index)].network(name).coarse = True
         carried = {each.partition("/")[2] for each in self._waiting}
         self.made = set(state.get("made", carried))  # a checkpoint of before has none
         self.learned = set(state.get("learned", ()))
