@@ -13,7 +13,7 @@ from tstar_rl.models.return_scale import ReturnScale
 from tstar_rl.rollouts.collection import Collection, with_starts
 from tstar_rl.transforms import RewardMixture
 from tstar_rl.updates import PolicyUpdate, PPOSettings
-from tstar_rl.updates.ppo import adapted_share
+from tstar_rl.updates.ppo import adapted_share, estimated_kl
 
 
 def rollouts(make_env, skill: Skill, horizon: int = 16) -> Collection:
@@ -60,11 +60,43 @@ def test_kl_stop_holds_the_actor_and_not_the_critic(make_env):
 
 
 @pytest.mark.parametrize(
+    ("ratios", "expected"),
+    [
+        ([1.0, 1.0], 0.0),
+        ([0.5, 2.0], 0.25),  # the mean of -ln r is 0
+        ([0.5, 0.5], 0.193147),  # -.5 + ln 2
+        ([2.0, 2.0], 0.306853),  # 1 - ln 2, where the mean of -ln r is negative
+    ],
+)
+def test_the_kl_of_a_minibatch_by_hand(ratios, expected):
+    r = torch.tensor(ratios)
+    kl = estimated_kl(r.mean(), -r.log().mean())
+    assert float(kl) == pytest.approx(expected, abs=1e-6) and kl >= 0
+
+
+@pytest.mark.parametrize(("kl_stop", "moves"), [(0.2, False), (0.3, True)])
+def test_the_actor_stops_at_the_kl_of_its_ratios(kl_stop, moves):
+    """One action has become twice as likely and one half as likely: the KL is .25, and -ln r is 0 in the mean."""
+    skill = small_skill()
+    update = PolicyUpdate(
+        skill.policy, skill.value, PPOSettings(kl_stop=kl_stop, minibatch=2), skill.return_scale
+    )
+    batch = TensorDict({"observation": torch.randn(2, 72), "action": torch.randn(2, 9)}, [2])
+    now = skill.policy.get_dist(batch).log_prob(batch["action"]).detach()
+    batch["action_log_prob"] = now - torch.tensor([0.5, 2.0]).log()
+    batch["encoded"] = update.encoder.module(batch["observation"])
+    batch["advantage"], batch["value_target"] = torch.tensor([[1.0], [-1.0]]), torch.zeros(2, 1)
+    log = {"actor_steps": 0, "critic_steps": 0, "loss_policy": 0.0, "loss_critic": 0.0}
+    assert update._step(batch, True, log) is moves and log["actor_steps"] == int(moves)
+    assert float(log["kl"]) == pytest.approx(0.25, abs=1e-5)
+
+
+@pytest.mark.parametrize(
     ("share", "kl", "expected"),
     [
         (0.9, 0.05, 0.6),  # above .04
         (0.6, 0.009, 0.9),  # below .01
-        (0.6, -0.1, 0.9),  # an estimate can be negative
+        (0.6, 0.0, 0.9),
         (0.6, 0.02, 0.6),
         (0.9, 0.0, 1.0),  # never more than the rate itself
         (0.01, 1.0, 0.01),

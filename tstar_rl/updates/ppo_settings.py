@@ -27,7 +27,7 @@ class PPOSettings:
     gamma: float = 0.99
     gae_lambda: float = 0.95
     kl_stop: float = math.inf
-    """The actor stands still for the rest of an update once the KL of a minibatch exceeds this."""
+    """The actor stands still for the rest of an update once the KL of a minibatch, see `estimated_kl`, exceeds this."""
     kl_target: float | None = None
     """Where the last KL of an update is above twice this, the actor's rate is divided by 1.5 for the next one; where it
     is below half of this, it is multiplied by as much, up to the rate itself. As a learned deviation shrinks, the same
