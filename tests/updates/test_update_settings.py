@@ -3,11 +3,25 @@
 import math
 
 import pytest
+import torch
 from hydra import compose, initialize_config_dir
+from small_skill import same, small_skill, state_of
 
 from tstar_rl.config.values import CONFIGS, settings
+from tstar_rl.models.networks import make_discriminator
+from tstar_rl.rollouts.collection import Collection, with_starts
+from tstar_rl.signal_equations import outcome_loss
 from tstar_rl.spirl import LatentPolicySettings, ModelTrainingSettings
-from tstar_rl.updates import BehaviourCloningSettings, DiscriminatorSettings, PPOSettings
+from tstar_rl.transforms import RewardMixture
+from tstar_rl.updates import (
+    BehaviourCloningSettings,
+    DiscriminatorSettings,
+    DiscriminatorUpdate,
+    LabelledSettings,
+    LabelledUpdate,
+    PolicyUpdate,
+    PPOSettings,
+)
 
 
 @pytest.mark.parametrize(
@@ -29,6 +43,7 @@ from tstar_rl.updates import BehaviourCloningSettings, DiscriminatorSettings, PP
         (PPOSettings, {"learning_rate": math.nan}, "PPOSettings.learning_rate must be positive, got nan"),
         (PPOSettings, {"critic_learning_rate": -1e-3}, "critic_learning_rate must be positive, got -0.001"),
         (PPOSettings, {"max_grad_norm": math.inf}, "max_grad_norm must be positive, got inf"),
+        (PPOSettings, {"critic_coeff": 0.0}, "PPOSettings.critic_coeff must be positive, got 0.0"),
         (PPOSettings, {"critic_warmup": -1}, "critic_warmup must be not negative, got -1"),
         (PPOSettings, {"gamma": 1.01}, r"gamma must be in \[0, 1\], got 1.01"),
         (PPOSettings, {"kl_stop": 0.0}, r"kl_stop must be positive \(.inf: no limit\), got 0.0"),
@@ -49,10 +64,28 @@ def test_a_number_out_of_range_is_named(kind, values, message):
         kind(**values)
 
 
-def test_zeros_that_mean_none():
-    PPOSettings(entropy_coeff=0.0, critic_coeff=0.0, critic_warmup=0, rate_warmup=0, gae_lambda=0.0)
-    DiscriminatorSettings(gradient_penalty=0.0)
-    LatentPolicySettings(critic_warmup=0)
+@pytest.mark.parametrize("name", ["entropy_coeff", "critic_warmup", "rate_warmup", "gae_lambda", "gamma"])
+def test_a_zero_that_means_none_is_one_update_of_the_policy(name, make_env):
+    skill = small_skill()
+    env = with_starts(make_env(num_envs=16, snapshots=False))
+    rollout = RewardMixture({"env": 1.0})(Collection(env, skill.policy, 8).rollout())
+    before = state_of(skill.policy), state_of(skill.value)
+    settings = PPOSettings(**{name: 0}, epochs=1, minibatch=64)
+    log = PolicyUpdate(skill.policy, skill.value, settings, skill.return_scale)(rollout)
+    assert all(math.isfinite(value) for value in log.values()) and log["actor_steps"] == 2
+    for states, module in zip(before, (skill.policy, skill.value), strict=True):
+        assert not same(states, state_of(module))
+
+
+def test_zeros_that_mean_none_in_the_updates_of_other_networks():
+    torch.manual_seed(0)
+    network, rows = make_discriminator(72, hidden=(8,)), torch.randn(20, 72)
+    settings, labels = DiscriminatorSettings(gradient_penalty=0.0, steps=1), {"expert": 1.0, "agent": -1.0}
+    log = DiscriminatorUpdate("f_phi", network, labels, settings)(expert=rows, agent=rows + 1)
+    learning = LabelledSettings(weight_decay=0.0, noise=0.0, steps=1)
+    log |= LabelledUpdate("f", network, outcome_loss, learning)(rows, torch.ones(20))
+    assert len(log) > 4 and all(math.isfinite(value) for value in log.values())
+    LatentPolicySettings(critic_warmup=0)  # its default, with which tests/spirl updates
 
 
 @pytest.mark.parametrize("scale", [path.stem for path in (CONFIGS / "scale").glob("*.yaml")])

@@ -47,8 +47,15 @@ class PPOSettings:
         check_ranges(
             self,
             count=("epochs", "minibatch"),
-            positive=("learning_rate", "critic_learning_rate", "kl_target", "clip_epsilon", "max_grad_norm"),
-            not_negative=("entropy_coeff", "critic_coeff", "critic_warmup", "rate_warmup"),
+            positive=(
+                "learning_rate",
+                "critic_learning_rate",
+                "critic_coeff",
+                "kl_target",
+                "clip_epsilon",
+                "max_grad_norm",
+            ),
+            not_negative=("entropy_coeff", "critic_warmup", "rate_warmup"),
             share=("gamma", "gae_lambda"),
             limit=("kl_stop",),
         )
