@@ -91,7 +91,7 @@ class PolicyUpdate:
         log |= {"actor_steps": 0, "critic_steps": 0}
         for _ in range(self.settings.epochs):
             order = torch.randperm(batch.shape[0], generator=self.generator, device=self.device)
-            for rows in order.split(self.settings.minibatch):
+            for rows in nearly_equal(order, self.settings.minibatch):
                 actor_moves = self._step(batch[rows], actor_moves, log)
         self.updates += 1
         if self.settings.kl_target is not None and log["actor_steps"]:
@@ -184,6 +184,14 @@ class PolicyUpdate:
         self.updates, self.actor_steps = int(state["updates"]), int(state["actor_steps"])
         self.carried = state["carried"].to(self.device)
         self.rate_share = float(state.get("rate_share", 1.0))
+
+
+def nearly_equal(order: Tensor, minibatch: int) -> tuple[Tensor, ...]:
+    """Splits rows (n,) into as few parts of at most `minibatch` as there can be, whose sizes differ by one at most.
+
+    A remainder of a few rows would get a whole step of the optimisers, and its KL would decide the next rate.
+    """
+    return order.tensor_split(max(math.ceil(len(order) / minibatch), 1))
 
 
 def estimated_kl(mean_ratio: Tensor, mean_log: Tensor) -> Tensor:

@@ -14,6 +14,7 @@ class PPOSettings:
 
     epochs: int = 10
     minibatch: int = 128
+    """Rows at most: a rollout is split into nearly equal parts."""
     learning_rate: float = 3e-4
     critic_learning_rate: float | None = None
     """None: the actor's."""
