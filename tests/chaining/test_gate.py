@@ -124,6 +124,30 @@ def test_a_rejected_turn_puts_back_everything_that_it_changed(spoiled_turns, poi
     assert any(not torch.equal(value, before[name]) for name, value in said.items())
 
 
+def test_a_rejected_turn_keeps_the_returns_of_the_episodes_that_run_on(
+    spoiled_turns, point_chain, monkeypatch
+):
+    """The simulations are not put back, so each skill's next turn goes on with their returns."""
+    at_end, begun = {}, {}
+    end, rollouts = Turn._end, Turn.rollouts
+
+    def watched(turn):
+        begun.setdefault(turn.index, []).append(turn.kept["update_policy"].carried.clone())
+        yield from rollouts(turn)
+
+    def noted(turn):
+        at_end.setdefault(turn.index, []).append(turn.kept["update_policy"].carried.clone())
+        return end(turn)
+
+    monkeypatch.setattr(Turn, "rollouts", watched)
+    monkeypatch.setattr(Turn, "_end", noted)
+    table = point_chain("tstar", "chain.gate=true", "chain.links=2", "chain.rounds=2")
+    assert table.accepted.dropna().tolist() == [0] * 4
+    for index in range(2):
+        first, second = begun[index]
+        assert not first.any() and at_end[index][0].any() and torch.equal(second, at_end[index][0])
+
+
 def flat(state: dict, prefix: str = "") -> dict:
     found = {}
     for name, value in state.items():

@@ -165,6 +165,25 @@ def test_an_update_goes_on_from_its_state(make_env):
     assert same(state_of(first.policy), state_of(second.policy))
 
 
+def test_returns_so_far_are_those_of_episodes_that_run_on():
+    """One simulation runs on with a return of 3 so far; the other is new, and so is its episode."""
+    skill = small_skill()
+    settings = PPOSettings(normalize_returns=True, gamma=0.5)
+    update = PolicyUpdate(skill.policy, skill.value, settings, skill.return_scale)
+    no = torch.zeros(2, 1, 1, dtype=torch.bool)
+    step = {"observation": torch.randn(2, 1, 72), "reward": torch.ones(2, 1, 1), "done": no, "terminated": no}
+    step["step_count"] = torch.tensor([5, 1]).reshape(2, 1, 1)
+    rollout = TensorDict({"observation": torch.randn(2, 1, 72), "next": step}, [2, 1])
+    rollout.update({"action": torch.zeros(2, 1, 9), "action_log_prob": torch.zeros(2, 1)})
+    update.carried = torch.tensor([[3.0], [3.0]])
+    update._with_advantage(rollout)
+    assert update.carried.tolist() == [[2.5], [1.0]]  # half of what was, and 1
+    state = copy.deepcopy(update.state_dict())
+    del state["carried"]
+    update.load_state_dict(state)
+    assert update.carried.tolist() == [[2.5], [1.0]]
+
+
 def test_values_of_next_states_are_looked_at_once_and_right():
     """As TorchRL's GAE on both states of every step, where episodes end and are truncated in the middle."""
     torch.manual_seed(0)

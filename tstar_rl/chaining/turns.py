@@ -86,12 +86,13 @@ class Turn(TurnUpdates):
         }
 
     def _state(self) -> dict[str, Any]:
-        """A copy of everything that a turn changes, but for the simulations."""
+        """A copy of everything that a turn changes, but for the simulations and the returns of the episodes in them."""
         state: dict[str, Any] = {"skill": self.skill.state_dict()}
         if self.following is not None:
             state["following"] = self.following.network_state()
-        updates = {name: each for name, each in self.kept.items() if name != "collection"}
-        return deepcopy(state | {name: each.state_dict() for name, each in updates.items()})
+        updates = {name: each.state_dict() for name, each in self.kept.items() if name != "collection"}
+        updates.get("update_policy", {}).pop("carried", None)
+        return deepcopy(state | updates)
 
     def _load(self, state: dict[str, Any]) -> None:
         """What `_state` gave. An update that has been made since stays as it is."""

@@ -131,12 +131,20 @@ class PolicyUpdate:
         keys = ("reward", "done", "terminated", "observation")
         batch = rollout.select("observation", "action", "action_log_prob", *(("next", key) for key in keys))
         if self.settings.normalize_returns:
-            carried = self.carried.expand(rollout.shape[0], 1)
+            carried = self._carried_into(rollout)
             paid, done = batch["next", "reward"], batch["next", "done"]
             reward, self.carried = self.return_scale(paid, done, carried, self.settings.gamma)
             following = batch["next"].copy()  # pyright: ignore[reportAttributeAccessIssue]
             batch = batch.copy().set("next", following.set("reward", reward))
         return self.gae(self._with_values(batch)).select(*PPO_KEYS).reshape(-1)
+
+    def _carried_into(self, rollout: TensorDictBase) -> Tensor:
+        """The returns so far, (N, 1), of the episodes that run on into a rollout (N, T); 0 where one begins with it.
+
+        Simulations that were made anew run none of the episodes of the rollout before, which did not end either.
+        """
+        carried, steps = self.carried.expand(rollout.shape[0], 1), rollout.get(("next", "step_count"), None)
+        return carried if steps is None else carried * (steps[:, 0] > 1)
 
     def _with_values(self, batch: TensorDictBase) -> TensorDictBase:
         """Adds "encoded", "state_value" and ("next", "state_value") to a rollout (N, T), looking at each state once.
@@ -177,12 +185,13 @@ class PolicyUpdate:
         }
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
-        """What `state_dict` gave."""
+        """What `state_dict` gave. Without "carried" the returns so far stay, which belong to the simulations."""
         self.actor_optimizer.load_state_dict(state["actor_optimizer"])
         self.critic_optimizer.load_state_dict(state["critic_optimizer"])
         self.generator.set_state(state["generator"])
         self.updates, self.actor_steps = int(state["updates"]), int(state["actor_steps"])
-        self.carried = state["carried"].to(self.device)
+        if "carried" in state:
+            self.carried = state["carried"].to(self.device)
         self.rate_share = float(state.get("rate_share", 1.0))
 
 
