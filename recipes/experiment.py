@@ -8,7 +8,8 @@ killed, goes on when it is given again: what is finished is not done again, and 
 checkpoint. All arms come from one commit: where the file names it (`commit`, also of a single arm), its code is checked
 out below <runs_dir>/code and run from there, so that a later checkout goes on with an experiment and changes nothing of
 it. Tables land in results/<name>/; with publish=true those of finished runs are copied to results/published/<name>/.
-With unpublished=true an arm of a seed that lies there is left out; of the rest, what it starts from is made anew.
+With unpublished=true an arm of a seed that lies there is left out; of the rest, what it starts from is made anew,
+which gives the same numbers, to the bit: tables that lie there stay, and other numbers are an error.
 """
 
 import math
@@ -26,8 +27,9 @@ from tstar_rl.config.load import recipe
 from tstar_rl.config.values import plain
 from tstar_rl.launch.backends import check_local
 from tstar_rl.launch.code_of_commit import code_of_commit, configs_of
-from tstar_rl.launch.experiment import DeclaredExperiment, publish, with_bonus, without_bonus
+from tstar_rl.launch.experiment import DeclaredExperiment, with_bonus, without_bonus
 from tstar_rl.launch.experiment_values import parse_experiment
+from tstar_rl.launch.published import publish
 from tstar_rl.launch.side_by_side import Step, run_recipe, run_side_by_side
 from tstar_rl.launch.steps import is_done, passed_on, step_config
 from tstar_rl.runs.versions import commit as commit_here

@@ -93,7 +93,7 @@ def test_the_page_has_a_section_over_all_tasks(shelf):
         "### The shelf: over all tasks\n"
     )
     assert "Over all 2 tasks: `long`, `short`." in found and "Missing" not in found
-    assert "The reference is\nno signal." in found and "](figures/shelf_all_tasks.png)" in found
+    assert "The reference is no signal." in found and "](figures/shelf_all_tasks.png)" in found
     assert re.search(r"\| no signal \| 2 \| 2 \| 0\.400 \[[^|]+\| 0\.200 \[[^|]+\| - \|\n", found)
     assert re.search(r"\| T-STAR \| 2 \| 2 \| 0\.800 \[[^|]+\| 0\.600 \[[^|]+\| 0\.812 \[[^|]+\|", found)
 
@@ -175,7 +175,7 @@ def test_every_run_is_a_dot_and_profiles_are_means_over_tasks(shelf):
     # T-STAR: above .3 all; above .5 both long ones and one short one; above .8 one of each; above .95 one long one.
     above = profiles.lines[1].get_ydata()
     assert [above[index] for index in (30, 50, 80, 95)] == [1.0, 0.75, 0.5, 0.25]
-    legends = [[text.get_text() for text in axes.get_legend().get_texts()] for axes in figure.axes]
+    legends = [[text.get_text() for text in legend.get_texts()] for legend in figure.legends]
     assert legends == [["long", "short"], ["base", "T-STAR"]]
 
 

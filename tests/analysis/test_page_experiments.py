@@ -23,7 +23,8 @@ def test_an_experiment_has_arms_comparisons_and_its_commit(published):
     assert "| buffer starts, every turn kept | 2 | 0.375 [" in odd
     # Both seeds differ by .25; four pairs of seeds: three wins and a tie.
     assert re.search(
-        r"\| T-STAR minus buffer starts, every turn kept \| 2 \| \+0\.250 .* \| 0\.875 .* \| higher \|", odd
+        r"\| T-STAR minus buffer starts, every turn kept \| 2 \| 2 \| \+0\.250 .* \| 0\.875 .* \| higher \|",
+        odd,
     )
     assert "| T-STAR, last | 1.00 | 0.50 / 1.00 | 2 |" in odd
     assert "| T-STAR | 0.90 +- 0.07 | 87% | 1.000 |" in plain and "0.625" not in plain
@@ -157,9 +158,34 @@ def test_what_each_choice_adds_is_said_in_the_words_of_the_contents(published):
     assert rows["d_omega and a gate"][0].startswith("+0.250 [")
     # .01 and 0: half of 12.7 deviations of .0071, over the root of two, is .064.
     assert rows["hardly anything"][1:] == ["-0.06 to +0.07", "2", "no clear difference"]
-    assert rows["nothing"] == ["+0.000 [+0.00, +0.00]", "+0.00 to +0.00", "2", "within 0.05 of zero"]
+    assert rows["nothing"] == ["+0.000 [+0.000, +0.000]", "+0.00 to +0.00", "2", "within 0.05 of zero"]
     assert rows["one seed"][1:] == ["-", "1", "one seed"]
     assert "what was not run" not in rows
+
+
+def test_an_arm_may_have_no_gap_and_a_rule_for_better_shows_what_decides(published):
+    asked = {"asks": "Better?", "pairs": [["tstar", "buffer_no_gate"]], "seeds": 2, "improvement": 0.95}
+    odd = {"folder": "odd", "kind": "experiment", "pairs": asked["pairs"], "families": [asked["pairs"]]}
+    contents(published, [{**odd, "questions": [asked]}, {"folder": "plain", "kind": "paper"}], {})
+    assert "| 1.000 | 0.375 |" in results_page(published, THEIRS, "")
+    contents(
+        published,
+        [{**odd, "questions": [asked], "no_gap": ["tstar"]}, {"folder": "plain", "kind": "paper"}],
+        {},
+    )
+    page = results_page(published, THEIRS, "")
+    assert "| 0.75 0.50 | - | - | - |" in page and "| 1.000 | 0.375 |" not in page
+    assert re.search(r"\| Better\? \| \+0\.250 \[.*\], improvement 0\.88, p < \.001 \| \*\*not shown", page)
+
+
+def test_the_interval_of_an_answer_is_the_wider_of_two(published):
+    """Differences of .25 and .125: Student's half is 12.706 deviations of .0884, over the root of two: .794."""
+    write(published, "odd", "buffer", 3, 0.5)
+    write(published, "odd", "buffer", 4, 0.375)
+    asked = {"asks": "Does it help?", "pairs": [["tstar", "buffer"]], "seeds": 2, "margin": 0.05}
+    odd = {"folder": "odd", "kind": "experiment", "pairs": asked["pairs"], "questions": [asked]}
+    contents(published, [odd, {"folder": "plain", "kind": "paper"}], {})
+    assert "| Does it help? | +0.188 [-0.61, +0.98] |" in results_page(published, THEIRS, "")
 
 
 def test_an_experiment_may_call_an_arm_otherwise(published):

@@ -4,7 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tstar_rl.analysis.task_questions import TaskQuestion, answer_over_tasks, compare_over_tasks
+from tstar_rl.analysis.task_questions import TaskQuestion, answer_over_tasks, compare_over_tasks, sign_test
+
+MORE = "more seeds do not decide that"
 
 
 def arms(first: dict[int, float], second: dict[int, float]) -> dict:
@@ -23,25 +25,41 @@ def test_two_arms_over_tasks_by_hand():
         "apart": arms({1: 0.0}, {1: 1.0}),
     }
     (row,) = compare_over_tasks(scores, ["won", "tied", "lost"], [("a", "b"), ("a", "c")]).itertuples()
-    assert (row.first, row.second, row.runs, row.tasks, row.ahead) == ("a", "b", 5, 3, 1)
+    assert (row.first, row.second, row.runs, row.tasks, row.ahead, row.behind) == ("a", "b", 5, 3, 1, 1)
     assert row.improvement == pytest.approx((1 + 0.5 + 0) / 3) == row.improvement_low == row.improvement_high
-    assert row.p_value == pytest.approx(1.0)  # one of three: 1 or fewer, or 2 or more
+    assert row.seeds_low == row.improvement == row.seeds_high
     both = compare_over_tasks(
         {"won": scores["won"]} | {str(n): scores["won"] for n in range(5)}, list("01234"), [("a", "b")]
     )
-    assert both["p_value"].item() == pytest.approx(2 / 32) and both["runs"].item() == 12
+    assert both["ahead"].item() == 5 and both["runs"].item() == 12
     assert compare_over_tasks(scores, [], [("a", "b")]).empty
 
 
-def row(value=0.8, low=0.6, high=0.9, ahead=8, tasks=9, p_value=0.039, runs=10) -> dict:
+def test_sign_test_by_hand():
+    assert sign_test(5, 5) == pytest.approx(2 / 32)
+    assert sign_test(1, 3) == pytest.approx(1.0)  # 1 or fewer, or 2 or more
+    assert sign_test(8, 9) == pytest.approx(2 * (9 + 1) / 512)
+
+
+def test_the_interval_of_seeds_alone_has_no_noise_of_episodes():
+    """All seeds agree, so nothing is left to chance but episodes: seeds alone give a point, both an interval to .5."""
+    coins = {name: np.repeat([0.0, 1.0], n) for name, n in (("a", [40, 60]), ("b", [45, 55]))}
+    scores = {"task": {name: dict.fromkeys(range(3), values) for name, values in coins.items()}}
+    (row,) = compare_over_tasks(scores, ["task"], [("a", "b")]).itertuples()
+    assert (row.improvement, row.seeds_low, row.seeds_high) == (1.0, 1.0, 1.0)
+    assert row.improvement_low < 0.6
+
+
+def row(value=0.8, low=0.6, high=0.9, ahead=8, behind=1, tasks=9, runs=10, seeds=()) -> dict:
     ends = {"improvement": value, "improvement_low": low, "improvement_high": high}
+    ends |= dict(zip(("seeds_low", "seeds_high"), seeds or (low, high), strict=True))
     return {
         "first": "a",
         "second": "b",
         "runs": runs,
         "tasks": tasks,
         "ahead": ahead,
-        "p_value": p_value,
+        "behind": behind,
         **ends,
     }
 
@@ -50,10 +68,21 @@ def row(value=0.8, low=0.6, high=0.9, ahead=8, tasks=9, p_value=0.039, runs=10) 
     ("found", "expected"),
     [
         (row(), "yes"),
-        (row(ahead=7, p_value=0.18), "not decided: ahead on 7 of 9 tasks alone"),
-        (row(ahead=1), "not decided: ahead on 1 of 9 tasks alone"),  # few, though the sign test is sure
+        (row(ahead=7), f"not decided; ahead on 7 of 9 tasks, where 8 are asked: {MORE}"),
+        (row(ahead=1), f"not decided; ahead on 1 of 9 tasks, where 8 are asked: {MORE}"),
+        (
+            row(ahead=5, tasks=5),
+            f"not decided; ahead on 5 of 5 tasks, where no number of tasks suffices: {MORE}",
+        ),
         (row(0.55, 0.45, 0.7), "no, or not by much"),
-        (row(0.2, 0.1, 0.3), "no: it does worse"),
+        (row(0.2, 0.1, 0.3, behind=8), "no: it does worse"),
+        (row(0.2, 0.1, 0.3, ahead=8, behind=7), "no, or not by much"),
+        (row(0.2, 0.1, 0.6, ahead=0, behind=9), "no, or not by much"),
+        (
+            row(0.62, 0.48, 0.72, ahead=4, seeds=(0.51, 0.74)),
+            f"no, or not by much (of seeds alone: not decided; ahead on 4 of 9 tasks, where 8 are asked: {MORE})",
+        ),
+        (row(0.6, 0.4, 0.8, seeds=(0.39, 0.81)), "not decided; 3.7 times as many seeds probably would"),
         # .1 from .5 with a lower half of .2: 4 x 2.043 times the seeds, with 2.043 = ((1.960 + .842) / 1.960) ** 2; .15
         # from the margin with an upper half of .2: 1.778 x 2.043.
         (row(0.6, 0.4, 0.8), "not decided; 3.7 times as many seeds probably would"),

@@ -172,3 +172,34 @@ def test_how_often_an_interval_holds_the_true_value(seeds, expected):
     found = [ours.interquartile_interval(drawn(), generator, 400) for _ in range(repetitions)]
     held = np.mean([each.low <= truth <= each.high for each in found])
     assert held == pytest.approx(expected, abs=0.06)  # three deviations of a share of 300
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("draw", "expected", "above", "middle"),
+    [(statistics.drawn_means, 0.93, 0.06, -0.022), (statistics.drawn_seeds, 0.92, 0.03, -0.004)],
+)
+def test_how_often_the_interval_of_an_improvement_holds_the_true_value_near_the_ceiling(
+    draw, expected, above, middle
+):
+    """The figures of decision 0017: nine tasks at .985, three seeds that deviate by .006, 200 episodes, .005 gained."""
+    generator, repetitions = rng(), 300
+
+    def drawn(level: float, seeds: int) -> list[np.ndarray]:
+        chances = np.clip(level + generator.normal(0, 0.006, seeds), 0.01, 1)
+        return [generator.binomial(4, chance, 200) / 4 for chance in chances]
+
+    better, other = (statistics.seed_means(drawn(level, 10_000)) for level in (0.99, 0.985))
+    truth = stats.mannwhitneyu(better, other).statistic / 1e8
+    found = [
+        ours.improvement_over_tasks(
+            *([drawn(level, 3) for _ in range(9)] for level in (0.99, 0.985)), generator, 400, draw
+        )
+        for _ in range(repetitions)
+    ]
+    held = np.mean([each.low <= truth <= each.high for each in found])
+    assert held == pytest.approx(expected, abs=0.05)
+    assert np.mean([truth > each.high for each in found]) == pytest.approx(above, abs=0.04)
+    assert np.mean([(each.low + each.high) / 2 - each.value for each in found]) == pytest.approx(
+        middle, abs=0.005
+    )

@@ -7,7 +7,7 @@ from hydra import compose, initialize_config_dir
 from small_experiment import SMALL
 
 from tstar_rl.config.values import CONFIGS, plain
-from tstar_rl.launch.experiment import publish, with_bonus, without_bonus
+from tstar_rl.launch.experiment import with_bonus, without_bonus
 from tstar_rl.launch.experiment_values import parse_experiment
 
 
@@ -164,20 +164,6 @@ def test_a_bonus_is_known_once_its_arm_is_trained(tmp_path):
     assert with_bonus(step, "table_lack", 7, tmp_path / "none", tmp_path) == (*step[:2], "bonus=0.32")
     pd.DataFrame({"episodes": [10], "success_rate": [0.0]}).to_csv(folder / "metrics.csv", index=False)
     assert with_bonus(step, "table_lack", 7, tmp_path) == (*step[:2], "bonus=0.0")
-
-
-def test_finished_runs_are_published_and_others_are_not(tmp_path):
-    done, going = (tmp_path / f"a/table_lack/{arm}/seed7" for arm in ("tstar", "paid"))
-    for folder in (done, going):
-        folder.mkdir(parents=True)
-        (folder / "metrics.csv").write_text("env_steps\n1\n")
-    (done / "evaluation.csv").write_text("progress\n1\n")
-    (done / "timing.csv").write_text("minutes\n1\n")
-    written = publish(tmp_path / "a", tmp_path / "b")
-    assert [file.relative_to(tmp_path).as_posix() for file in written] == [
-        "b/table_lack/tstar/seed7/metrics.csv",
-        "b/table_lack/tstar/seed7/evaluation.csv",
-    ]
 
 
 @pytest.mark.parametrize("path", sorted((CONFIGS / "experiment").glob("*.yaml")), ids=lambda path: path.stem)

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from tstar_rl.analysis.statistics import improvement_interval, paired_difference
+from tstar_rl.analysis.statistics import improvement_interval, paired_difference, seed_means
 from tstar_rl.analysis.tables import (
     config_of,
     episode_progress,
@@ -153,7 +153,8 @@ def compare_arms(rows: pd.DataFrame, pairs: Iterable[Sequence[str]]) -> pd.DataF
 
     Returns:
         Columns first, second, seeds, difference, low, high (bootstrap), t_half and p_value (Student's t), improvement
-        (probability that a seed of the first beats one of the second), improvement_low, improvement_high, and verdict.
+        (probability that a seed of the first beats one of the second), improvement_low, improvement_high, won (on how
+        many seeds the first has more than the second) and verdict.
     """
     scores, lines = arm_scores(rows), []
     for first, second in pairs:
@@ -166,6 +167,7 @@ def compare_arms(rows: pd.DataFrame, pairs: Iterable[Sequence[str]]) -> pd.DataF
         line = {"first": first, "second": second, "seeds": found.seeds, "difference": found.value}
         line |= {"low": found.low, "high": found.high, "t_half": found.t_half, "p_value": found.p_value}
         line |= {"improvement": better.value, "improvement_low": better.low, "improvement_high": better.high}
+        line["won"] = int((seed_means(both[0]) > seed_means(both[1])).sum())
         lines.append(line | {"verdict": found.verdict()})
     return pd.DataFrame(lines)
 

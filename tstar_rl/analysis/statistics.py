@@ -19,6 +19,7 @@ __all__ = [
     "Difference",
     "Interval",
     "drawn_means",
+    "drawn_seeds",
     "holm",
     "improvement_interval",
     "interquartile_mean",
@@ -100,6 +101,12 @@ def resampled_means(scores: Scores, chosen: NDArray[np.int64], rng: np.random.Ge
 def drawn_means(scores: Scores, rng: np.random.Generator, resamples: int) -> Array:
     """(resamples, seeds) means of an arm whose seeds and episodes are drawn."""
     return resampled_means(scores, rng.integers(len(scores), size=(resamples, len(scores))), rng)
+
+
+def drawn_seeds(scores: Scores, rng: np.random.Generator, resamples: int) -> Array:
+    """(resamples, seeds) means of an arm whose seeds are drawn, each with the mean that it has."""
+    means = seed_means(scores)
+    return means[rng.integers(len(means), size=(resamples, len(means)))]
 
 
 def seed_means(scores: Scores) -> Array:

@@ -11,9 +11,10 @@ from scipy.stats import binomtest, norm
 from tstar_rl.analysis.experiments import SEED, TaskScores
 from tstar_rl.analysis.over_tasks import paired_scores
 from tstar_rl.analysis.questions import POWER
+from tstar_rl.analysis.statistics import drawn_means, drawn_seeds
 from tstar_rl.analysis.task_statistics import improvement_over_tasks
 
-__all__ = ["TaskQuestion", "answer_over_tasks", "compare_over_tasks"]
+__all__ = ["TaskQuestion", "answer_over_tasks", "compare_over_tasks", "sign_test"]
 
 NO_DIFFERENCE = 0.5
 """Of the probability of improvement."""
@@ -50,9 +51,9 @@ def compare_over_tasks(
 
     Returns:
         Columns first, second; runs: seeds that both have, of all tasks in `scores`; tasks: over which they are
-        compared; ahead: on how many of these the mean difference by seed is above 0; p_value: of the two-sided sign
-        test over these tasks, a tie counting against the first; improvement: probability that a seed of the first beats
-        one of the second on the same task, mean over tasks; improvement_low, improvement_high.
+        compared; ahead and behind: on how many of these the mean difference by seed is above 0, and below;
+        improvement: probability that a seed of the first beats one of the second on the same task, mean over tasks;
+        improvement_low and improvement_high, and seeds_low and seeds_high: its interval if seeds alone are drawn.
     """
     lines = []
     for first, second in pairs:
@@ -61,13 +62,19 @@ def compare_over_tasks(
             continue
         one, other = pair
         runs = sum(len(set(arms.get(first, {})) & set(arms.get(second, {}))) for arms in scores.values())
-        ahead = sum(_mean_of_seeds(a) > _mean_of_seeds(b) for a, b in zip(one, other, strict=True))
-        better = improvement_over_tasks(one, other, np.random.default_rng(SEED))
+        means = [(_mean_of_seeds(a), _mean_of_seeds(b)) for a, b in zip(one, other, strict=True)]
         line = {"first": first, "second": second, "runs": runs, "tasks": len(tasks)}
-        line |= {"ahead": ahead, "p_value": float(binomtest(ahead, len(tasks)).pvalue)}
-        ends = {"improvement_low": better.low, "improvement_high": better.high}
-        lines.append({**line, "improvement": better.value, **ends})
+        line |= {"ahead": sum(a > b for a, b in means), "behind": sum(a < b for a, b in means)}
+        for name, draw in (("seeds", drawn_seeds), ("improvement", drawn_means)):
+            better = improvement_over_tasks(one, other, np.random.default_rng(SEED), draw=draw)
+            line |= {"improvement": better.value, f"{name}_low": better.low, f"{name}_high": better.high}
+        lines.append(line)
     return pd.DataFrame(lines)
+
+
+def sign_test(wins: int, tasks: int) -> float:
+    """Two-sided p-value of `wins` of `tasks`; what was not won counts as lost, ties too."""
+    return float(binomtest(wins, tasks).pvalue)
 
 
 def _mean_of_seeds(seeds: Sequence[np.ndarray]) -> float:
@@ -78,9 +85,11 @@ def answer_over_tasks(question: TaskQuestion, found: pd.DataFrame) -> str:
     """What the comparison says.
 
     Yes: the interval of the probability of improvement lies above .5, and the first is ahead on so many tasks that the
-    sign test has p < .05. No: it does not lie above .5, and lies below the margin; below .5, the first does worse. Else
-    it is not decided, and the answer says how many times as many seeds would, in four of five cases, should the
-    interval shrink with their root and stay where it is.
+    sign test has p < .05. No: the interval lies below the margin. It does worse: as yes, the other way round. Else it
+    is not decided; where more seeds can help, the answer says how many times as many would, in four of five cases,
+    should the interval shrink with their root and stay where it is.
+
+    The rule reads the interval of `drawn_means`. Where that of `drawn_seeds` gives another answer, both are said.
 
     Args:
         question: that was declared.
@@ -95,17 +104,33 @@ def answer_over_tasks(question: TaskQuestion, found: pd.DataFrame) -> str:
     if runs < question.runs:
         return f"being measured: {runs} of {question.runs} runs"
     row = rows.iloc[0]
-    value, low, high = (float(row[f"improvement{end}"]) for end in ("", "_low", "_high"))
+    said, alone = (_answer(row, question.margin, name) for name in ("improvement", "seeds"))
+    kind, other = (each.split(";")[0] for each in (said, alone))
+    return said if kind == other else f"{said} (of seeds alone: {alone})"
+
+
+def _answer(row: pd.Series, margin: float, interval: str) -> str:
+    """By the interval of that name."""
+    value, low, high = (float(row[name]) for name in ("improvement", f"{interval}_low", f"{interval}_high"))
+    tasks, ahead, behind = (int(row[name]) for name in ("tasks", "ahead", "behind"))
     if low > NO_DIFFERENCE:
-        sure = row["ahead"] > row["tasks"] / 2 and row["p_value"] < 0.05
-        return "yes" if sure else f"not decided: ahead on {row['ahead']} of {row['tasks']} tasks alone"
-    if high < NO_DIFFERENCE:
-        return "no: it does worse"
-    if high < question.margin:
-        return "no, or not by much"
-    needed = [
+        needed = _wins_needed(tasks)
+        if needed is not None and ahead >= needed:
+            return "yes"
+        asked = "no number of tasks suffices" if needed is None else f"{needed} are asked"
+        return f"not decided; ahead on {ahead} of {tasks} tasks, where {asked}: more seeds do not decide that"
+    if high < margin:
+        needed = _wins_needed(tasks)
+        worse = high < NO_DIFFERENCE and needed is not None and behind >= needed
+        return "no: it does worse" if worse else "no, or not by much"
+    times = [
         (POWERED * half / room) ** 2
-        for half, room in ((value - low, value - NO_DIFFERENCE), (high - value, question.margin - value))
+        for half, room in ((value - low, value - NO_DIFFERENCE), (high - value, margin - value))
         if room > 0
     ]
-    return f"not decided; {math.ceil(10 * min(needed)) / 10:g} times as many seeds probably would"
+    return f"not decided; {math.ceil(10 * min(times)) / 10:g} times as many seeds probably would"
+
+
+def _wins_needed(tasks: int) -> int | None:
+    """The fewest wins, more than half, with which the sign test has p < .05; None: too few tasks."""
+    return next((wins for wins in range(tasks // 2 + 1, tasks + 1) if sign_test(wins, tasks) < 0.05), None)

@@ -11,7 +11,7 @@ Source: Agarwal et al., Deep Reinforcement Learning at the Edge of the Statistic
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -38,6 +38,7 @@ __all__ = [
 ]
 
 Strata = Sequence[Scores]
+Draw = Callable[[Scores, np.random.Generator, int], Array]
 
 
 def equal_weights(seeds: Sequence[int]) -> NDArray[np.int64]:
@@ -97,7 +98,11 @@ def interquartile_interval(strata: Strata, rng: np.random.Generator, resamples: 
 
 
 def improvement_over_tasks(
-    first: Strata, second: Strata, rng: np.random.Generator, resamples: int = RESAMPLES
+    first: Strata,
+    second: Strata,
+    rng: np.random.Generator,
+    resamples: int = RESAMPLES,
+    draw: Draw = drawn_means,
 ) -> Interval:
     """Probability that a seed of `first` beats a seed of `second` on the same task, mean over tasks, with its interval.
 
@@ -106,6 +111,9 @@ def improvement_over_tasks(
         second: the same of the other arm; tasks in the same order.
         rng: draws seeds and episodes.
         resamples: of the bootstrap.
+        draw: `drawn_means`, or `drawn_seeds` for seeds alone, as in the source. The first draws episodes once more than
+            their seeds' means have them already, which pulls the interval towards .5 where episodes vary as much as
+            seeds. Source: docs/decisions/0017-intervals.md.
 
     Raises:
         ValueError: if the arms have different numbers of tasks.
@@ -119,8 +127,7 @@ def improvement_over_tasks(
     values, draws = [], np.zeros(resamples)
     for one, other in zip(first, second, strict=True):
         values.append(probability_of_improvement(seed_means(one), seed_means(other)))
-        drawn = [drawn_means(scores, rng, resamples) for scores in (one, other)]
-        draws += probability_of_improvement(*drawn)
+        draws += probability_of_improvement(*(draw(scores, rng, resamples) for scores in (one, other)))
     return Interval(float(np.mean(values)), *interval_ends(draws / len(first)))
 
 

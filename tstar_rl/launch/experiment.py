@@ -4,7 +4,6 @@ An arm is a way of chaining, of the same skills unless it says so. The arms of o
 budget and trials. They are evaluated on the same starts.
 """
 
-import shutil
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,10 +12,9 @@ from tstar_rl.checks import InvalidValueError
 from tstar_rl.launch.side_by_side import Step, mean_bonus
 from tstar_rl.runs.run_folder import UNTRAINED, run_path
 
-__all__ = ["BONUS", "Arm", "DeclaredExperiment", "publish", "with_bonus", "without_bonus"]
+__all__ = ["BONUS", "Arm", "DeclaredExperiment", "with_bonus", "without_bonus"]
 
 SKILLS = "gail_ppo"
-TABLES = ("config.yaml", "metrics.csv", "evaluation.csv", "calibration.csv")
 BONUS = "bonus_of="
 """Stands in a step's values for a bonus that is known once another arm has been trained."""
 
@@ -221,17 +219,3 @@ def with_bonus(step: Step, task: str, seed: int, *places: str | Path) -> Step:
             value = f"bonus={mean_bonus(next((table for table in tables if table.is_file()), tables[0]))}"
         values.append(value)
     return tuple(values)
-
-
-def publish(source: str | Path, target: str | Path) -> list[Path]:
-    """Copies the tables of every run below `source` to the same place below `target`; returns the files written."""
-    written = []
-    for file in sorted(Path(source).rglob("evaluation.csv")):
-        for name in TABLES:
-            here = file.with_name(name)
-            if here.is_file():
-                there = Path(target) / here.relative_to(source)
-                there.parent.mkdir(parents=True, exist_ok=True)
-                shutil.copyfile(here, there)
-                written.append(there)
-    return written

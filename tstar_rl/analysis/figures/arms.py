@@ -1,6 +1,6 @@
 """Arms beside each other: every seed is a dot, intervals are those of the tables."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -64,7 +64,9 @@ def _draw_arms(axes: Axes, rows: pd.DataFrame, measure: str) -> None:
     axes.set(xlabel=measure, xlim=(-0.02, 1.02))
 
 
-def arms_figure(rows: pd.DataFrame, labels: Mapping[str, str] | None = None) -> Figure:
+def arms_figure(
+    rows: pd.DataFrame, labels: Mapping[str, str] | None = None, profiled: Collection[str] = ()
+) -> Figure:
     """Progress and success of the arms of one task, and the performance profile of progress.
 
     A dot is a seed; below the dots stand the interquartile mean and its 95% interval. The profile is the share of
@@ -74,17 +76,21 @@ def arms_figure(rows: pd.DataFrame, labels: Mapping[str, str] | None = None) -> 
     Args:
         rows: see `experiments.arm_table`.
         labels: of arms.
+        profiled: arms whose profile is drawn; none named: all.
     """
     scores = arm_scores(rows)
+    drawn = set(profiled) & set(scores) or set(scores)
     figure, grid = panels(1, 3, (13, 1.6 + 0.42 * len(scores)))
     progress, success, profile = grid[0]
     for axes, measure in ((progress, "progress"), (success, "success")):
         _draw_arms(axes, rows, measure)
         name_rows(axes, [(labels or {}).get(arm, readable(arm)) for arm in scores])
     success.set_yticklabels([" " * 8] * len(scores))
-    for place, seeds in enumerate(scores.values()):
+    for place, (arm, seeds) in enumerate(scores.items()):
+        if arm not in drawn:
+            continue
         band = profile_band(list(seeds.values()), THRESHOLDS, np.random.default_rng(SEED))
-        draw_profile(profile, place, band if len(scores) <= MOST_BANDS else band[:1])
+        draw_profile(profile, place, band if len(drawn) <= MOST_BANDS else band[:1])
         beside = {"transform": success.get_yaxis_transform(), "clip_on": False}
         success.plot(KEY, [place] * 2, **beside, **arm_line(place))
     profile.set(xlabel="progress above", ylabel="share of seeds", xlim=(0, 1), ylim=(-0.02, 1.04))

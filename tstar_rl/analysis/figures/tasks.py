@@ -18,6 +18,9 @@ __all__ = ["tasks_figure"]
 DOTS = (-0.34, 0.2)
 """Where the tasks of an arm stand, from its first to its last; its row is one high, and the interval is below them."""
 INTERVAL = 0.36
+TICKS = (0, 0.5, 0.8, 0.9, 0.95, 0.98, 1)
+BEYOND = 1.01
+"""Where the stretched axis would end: progress 1 has to have a place on it."""
 
 
 def _runs(axes: Axes, scores: TaskScores, tasks: Sequence[str], arms: Sequence[str]) -> None:
@@ -34,7 +37,8 @@ def _runs(axes: Axes, scores: TaskScores, tasks: Sequence[str], arms: Sequence[s
         bar = {"fmt": "|", "color": "black", "capsize": 3, "markersize": 10, "markeredgewidth": 1.8}
         axes.errorbar(value, place + INTERVAL, xerr=ends, **bar)
         axes.axhline(place + 0.5, color="0.8", linewidth=0.8)
-    axes.set(xlabel="progress of each run; interquartile mean, 95%", xlim=(-0.02, 1.02))
+    axes.set_xlabel("progress of each run; interquartile mean, 95%")
+    _stretch(axes)
     axes.set_ylim(len(arms) - 0.5, -0.5)
     axes.grid(False, axis="y")
 
@@ -43,9 +47,17 @@ def _profiles(axes: Axes, scores: TaskScores, tasks: Sequence[str], arms: Sequen
     for place, arm in enumerate(arms):
         strata = [list(scores[task][arm].values()) for task in tasks]
         draw_profile(axes, place, profile_over_tasks(strata, THRESHOLDS, np.random.default_rng(SEED)))
-    axes.set(
-        xlabel="progress above", ylabel="share of runs, mean over tasks", xlim=(0, 1), ylim=(-0.02, 1.02)
+    axes.set(xlabel="progress above", ylabel="share of runs, mean over tasks", ylim=(-0.02, 1.02))
+    _stretch(axes)
+
+
+def _stretch(axes: Axes) -> None:
+    """Gives progress near 1, where most runs are, as much room as the rest."""
+    axes.set_xscale(
+        "function", functions=(lambda x: -np.log10(np.maximum(BEYOND - x, 1e-9)), lambda y: BEYOND - 10.0**-y)
     )
+    axes.set_xlim(-0.02, 1.002)
+    axes.set_xticks(TICKS, [f"{tick:g}" for tick in TICKS])
 
 
 def tasks_figure(
@@ -55,7 +67,7 @@ def tasks_figure(
 
     Left: a dot is a run, that is one seed of one task; its shape is the task. Below the dots of an arm is the
     interquartile mean with its 95% stratified bootstrap interval. Right: the share of runs whose progress is above a
-    value, mean over tasks, with its pointwise 95% band.
+    value, mean over tasks, with its pointwise 95% band. The axes of progress are stretched towards 1.
 
     Args:
         scores: of an experiment, `Experiment.scores`.
@@ -76,7 +88,7 @@ def tasks_figure(
     _runs(runs, scores, tasks, arms)
     runs.set_yticks(range(len(arms)), [_wrapped(name, 22) for name in called])
     _profiles(profiles, scores, tasks, arms)
-    _legends(runs, profiles, tasks, called)
+    _legends(figure, tasks, called)
     return figure
 
 
@@ -84,23 +96,13 @@ def _wrapped(name: str, width: int) -> str:
     return textwrap.fill(name, width, break_on_hyphens=False)
 
 
-def _legends(runs: Axes, profiles: Axes, tasks: Sequence[str], arms: Sequence[str]) -> None:
-    """Below each panel: shapes of the tasks, and lines of the arms."""
+def _legends(figure: Figure, tasks: Sequence[str], arms: Sequence[str]) -> None:
+    """Above the panels shapes of the tasks, below them lines of the arms."""
     shapes = [
         Line2D([], [], color="0.35", linestyle="", marker=MARKERS[place % len(MARKERS)], label=readable(task))
         for place, task in enumerate(tasks)
     ]
-    few = len(arms) < 7
-    lines = [
-        Line2D([], [], linewidth=1.8, label=name if few else _wrapped(name, 22), **arm_line(place))
-        for place, name in enumerate(arms)
-    ]
-    below = {
-        "loc": "upper center",
-        "bbox_to_anchor": (0.5, 0),
-        "borderaxespad": 5,
-        "fontsize": 9,
-        "frameon": False,
-    }
-    runs.legend(handles=shapes, ncols=3, handletextpad=0.1, columnspacing=1.0, **below)
-    profiles.legend(handles=lines, ncols=1 if few else 2, handlelength=3.4, **below)
+    lines = [Line2D([], [], linewidth=1.8, label=name, **arm_line(place)) for place, name in enumerate(arms)]
+    style = {"fontsize": 9, "frameon": False}
+    figure.legend(handles=shapes, loc="outside upper center", ncols=5, handletextpad=0.1, **style)
+    figure.legend(handles=lines, loc="outside lower center", ncols=2, handlelength=3.4, **style)

@@ -43,6 +43,10 @@ class Entry:
     """Declared before the experiment ran, over several tasks."""
     choices: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     """What is chosen, in words, and the pair of arms whose difference says what that adds."""
+    no_gap: tuple[str, ...] = ()
+    """Arms without a hand-over gap, since their skills start from other states alone than in the chain."""
+    figure_arms: tuple[str, ...] = ()
+    """Arms whose profiles and costs are drawn, where all would not be told apart; none named: all."""
     sections: tuple[str, ...] | None = None
     """Tasks with a section of their own on the page; None: all of them."""
     arms: Mapping[str, str] = field(default_factory=dict)
@@ -137,6 +141,7 @@ def _entry(root: Path, one: dict) -> Entry:
         "questions": questions,
         "task_questions": over_tasks,
         "choices": dict(zip(one.get("choices", {}), _pairs(one.get("choices", {}).values()), strict=True)),
+        **{name: tuple(one.get(name, ())) for name in ("no_gap", "figure_arms")},
         "sections": None if one.get("sections") is None else tuple(one["sections"]),
     }
     entry = Entry(**values)

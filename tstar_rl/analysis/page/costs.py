@@ -6,6 +6,7 @@ import pandas as pd
 
 from tstar_rl.analysis.experiments import Experiment
 from tstar_rl.analysis.figures import cost_figure, save_figure
+from tstar_rl.analysis.page.contents import Entry
 from tstar_rl.analysis.page.experiment import ordered
 from tstar_rl.analysis.page.markdown import Paper, arm_label, picture
 from tstar_rl.analysis.turns import turn_table
@@ -21,14 +22,15 @@ def costs(metrics: pd.DataFrame, task: str, prefix: str) -> str:
 
 
 def draw_costs(
-    experiment: Experiment, metrics: pd.DataFrame, paper: Paper, task: str, prefix: str, figures: Path
+    experiment: Experiment, metrics: pd.DataFrame, paper: Paper, entry: Entry, task: str, figures: Path
 ) -> list[Path]:
-    """Writes the figure that `costs` shows, if it shows one."""
+    """Writes the figure that `costs` shows, if it shows one: of the entry's `figure_arms`, or of all."""
     if not _are_known(metrics, task):
         return []
     rows = ordered(experiment, paper, task)
+    rows = rows[rows["arm"].isin(entry.figure_arms)] if entry.figure_arms else rows
     called = {arm: arm_label(paper, arm) for arm in rows["arm"]}
-    return [save_figure(cost_figure(rows, metrics, called), figures / f"{prefix}{task}_costs.png")]
+    return [save_figure(cost_figure(rows, metrics, called), figures / f"{entry.prefix}{task}_costs.png")]
 
 
 def _are_known(metrics: pd.DataFrame, task: str) -> bool:

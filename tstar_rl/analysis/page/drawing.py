@@ -68,7 +68,7 @@ def draw_page(root: Path, paper: Paper, figures: Path) -> list[Path]:
             found += draw_experiment(experiment, named, entry, figures)
             metrics = read_metrics(entry.folder)
             for task in filter(entry.has_section, experiment.tasks):
-                found += draw_costs(experiment, metrics, named, task, entry.prefix, figures)
+                found += draw_costs(experiment, metrics, named, entry, task, figures)
                 found += draw_turns(experiment, metrics, named, task, entry.prefix, figures)
         found += _draw_runs(entry, figures)
     return found

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Collection
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -43,16 +44,16 @@ def ordered(experiment: Experiment, paper: Paper, task: str, mode: str = "determ
     )
 
 
-def _gap(gaps: pd.DataFrame, arm: str) -> list[str]:
+def _gap(gaps: pd.DataFrame, arm: str, entry: Entry) -> list[str]:
     """Product of the skills' own success and gap, mean over seeds; a star where the skills are not the arm's own."""
     mine = gaps[gaps["arm"] == arm]
-    if mine["gap"].isna().all():
+    if mine["gap"].isna().all() or arm in entry.no_gap:
         return [NOTHING, NOTHING]
     star = "" if mine["fine_tuned"].all() or arm.startswith(UNTRAINED) else " \\*"
     return [f"{mine['product'].mean():.3f}", f"{mine['gap'].mean():z.3f}{star}"]
 
 
-def arms(experiment: Experiment, paper: Paper, task: str, prefix: str) -> str:
+def arms(experiment: Experiment, paper: Paper, entry: Entry, task: str) -> str:
     """The table of the arms of a task, and their figure."""
     rows, sampled = (ordered(experiment, paper, task, mode) for mode in ("deterministic", "stochastic"))
     gaps, noisy = hand_over_gaps(experiment, task), arm_table(sampled)
@@ -66,7 +67,7 @@ def arms(experiment: Experiment, paper: Paper, task: str, prefix: str) -> str:
         ]
         line.append(" ".join(f"{value:.2f}" for value in mine["progress"]))
         line.append(f"{noisy.loc[arm, 'progress']:.3f}" if arm in noisy.index else NOTHING)
-        line += _gap(gaps, str(arm))
+        line += _gap(gaps, str(arm), entry)
         lines.append([*line, _millions(mine["env_steps"].mean())])
     header = [
         "arm",
@@ -76,17 +77,22 @@ def arms(experiment: Experiment, paper: Paper, task: str, prefix: str) -> str:
         "progress of each seed",
         "sampled actions: progress",
     ]
-    found = table([*header, "product of its skills", "hand-over gap", "environment steps"], lines)
+    found = table(
+        [*header, "product of its skills (mean)", "hand-over gap (mean)", "environment steps"], lines
+    )
     starred = STARRED if any("\\*" in line[-2] for line in lines) else ""
-    return f"{picture(ARMS, f'{prefix}{task}_arms')}\n{found}{starred}"
+    return f"{picture(ARMS, f'{entry.prefix}{task}_arms')}\n{found}{starred}"
 
 
-def short_table(experiment: Experiment, paper: Paper, task: str, shown: Collection[str] = ()) -> str:
+def short_table(
+    experiment: Experiment, paper: Paper, entry: Entry, task: str, shown: Collection[str] = ()
+) -> str:
     """Arms of a task in four columns, for the notes and the README.
 
     Args:
         experiment: of runs.
         paper: with the arms' labels.
+        entry: of contents.yaml.
         task: one of the experiment's.
         shown: which arms; none named: all.
 
@@ -103,9 +109,13 @@ def short_table(experiment: Experiment, paper: Paper, task: str, shown: Collecti
             interval(*(row[f"{name}{end}"] for end in ("", "_low", "_high")))
             for name in ("progress", "success")
         ]
-        lines.append([arm_label(paper, str(arm)), *spans, _gap(gaps, str(arm))[1], f"{row['seeds']:.0f}"])
+        lines.append(
+            [arm_label(paper, str(arm)), *spans, _gap(gaps, str(arm), entry)[1], f"{row['seeds']:.0f}"]
+        )
     starred = STARRED if any("\\*" in line[-2] for line in lines) else ""
-    return table(["chain", "progress [95%]", "success [95%]", "hand-over gap", "seeds"], lines) + starred
+    return (
+        table(["chain", "progress [95%]", "success [95%]", "hand-over gap (mean)", "seeds"], lines) + starred
+    )
 
 
 def comparison_table(experiment: Experiment, paper: Paper, entry: Entry, task: str) -> str:
@@ -118,9 +128,10 @@ def comparison_table(experiment: Experiment, paper: Paper, entry: Entry, task: s
         half = NOTHING if math.isnan(row.t_half) else f"+- {row.t_half:.3f}"
         line = [f"{arm_label(paper, row.first)} minus {arm_label(paper, row.second)}", str(row.seeds)]
         line += [signed_interval(row.difference, row.low, row.high), half, interval(*better)]
+        line.insert(2, str(row.won))
         ours = [_p_value(corrected.get((row.first, row.second)))] if corrected else []
         lines.append([*line, *ours, str(row.verdict)])
-    header = ["difference in progress", "seeds", "mean [95%, bootstrap]", "95%, Student's t"]
+    header = ["difference in progress", "seeds", "won", "mean [95%, bootstrap]", "95%, Student's t"]
     header += ["probability of improvement [95%]", *(["p, Holm"] if corrected else []), "verdict"]
     return table(header, lines) if lines else ""
 
@@ -138,9 +149,20 @@ def answers(experiment: Experiment, paper: Paper, entry: Entry, task: str) -> st
     lines = []
     for question in entry.questions:
         measured = [row for row in found.itertuples() if (row.first, row.second) in question.pairs]
-        shown = [signed_interval(row.difference, row.low, row.high) for row in measured]
+        shown = [signed_interval(row.difference, *_wider(row)) for row in measured]
+        if question.improvement is not None:
+            shown = [
+                f"{difference}, improvement {row.improvement:.2f}, p {_p_value(row.corrected)}"
+                for difference, row in zip(shown, measured, strict=True)
+            ]
         lines.append([question.asks, "; ".join(shown) or NOTHING, f"**{answer(question, found)}**"])
-    return table(["question, declared before", "difference in progress [95%, bootstrap]", "answer"], lines)
+    return table(["question, declared before", "difference in progress [95%]", "answer"], lines)
+
+
+def _wider(row: Any) -> tuple[float, float]:
+    """The outer ends of the bootstrap's interval and of Student's, which both have to exclude what is excluded."""
+    half = 0.0 if math.isnan(row.t_half) else row.t_half
+    return min(row.low, row.difference - half), max(row.high, row.difference + half)
 
 
 def _corrected(found: pd.DataFrame, entry: Entry) -> dict[tuple[str, str], float]:
@@ -156,7 +178,7 @@ def _corrected(found: pd.DataFrame, entry: Entry) -> dict[tuple[str, str], float
 
 
 def _p_value(value: float | None) -> str:
-    return NOTHING if value is None else "< .001" if value < 0.001 else f"{value:.3f}"
+    return NOTHING if value is None or math.isnan(value) else "< .001" if value < 0.001 else f"{value:.3f}"
 
 
 def comparisons(experiment: Experiment, paper: Paper, entry: Entry, task: str) -> str:
@@ -195,7 +217,11 @@ def draw_experiment(experiment: Experiment, paper: Paper, entry: Entry, figures:
     for task in filter(entry.has_section, experiment.tasks):
         rows = ordered(experiment, paper, task)
         called = {arm: arm_label(paper, arm) for arm in rows["arm"]}
-        found.append(save_figure(arms_figure(rows, called), figures / f"{entry.prefix}{task}_arms.png"))
+        found.append(
+            save_figure(
+                arms_figure(rows, called, entry.figure_arms), figures / f"{entry.prefix}{task}_arms.png"
+            )
+        )
         if len(compare_arms(rows, entry.pairs)):
             drawn = differences_figure(rows, entry.pairs, called)
             found.append(save_figure(drawn, figures / f"{entry.prefix}{task}_differences.png"))

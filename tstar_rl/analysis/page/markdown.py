@@ -23,6 +23,7 @@ __all__ = [
 Paper = Mapping[str, Any]
 """docs/paper_results.yaml."""
 NOTHING = "-"
+NARROW = 0.02
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
@@ -59,8 +60,9 @@ def share(values: pd.Series) -> str:
 
 
 def interval(value: float, low: float, high: float) -> str:
-    """A share with its 95% interval."""
-    return f"{value:.3f} [{low:.2f}, {high:.2f}]"
+    """A share with its 95% interval; a narrow one with one more digit."""
+    digits = _digits(low, high)
+    return f"{value:.3f} [{low:.{digits}f}, {high:.{digits}f}]"
 
 
 def from_to(low: int, high: int) -> str:
@@ -69,8 +71,14 @@ def from_to(low: int, high: int) -> str:
 
 
 def signed_interval(value: float, low: float, high: float) -> str:
-    """A difference with its 95% interval."""
-    return f"{value:+.3f} [{low:+.2f}, {high:+.2f}]"
+    """A difference with its 95% interval; a narrow one with one more digit."""
+    digits = _digits(low, high)
+    return f"{value:+.3f} [{low:+.{digits}f}, {high:+.{digits}f}]"
+
+
+def _digits(low: float, high: float) -> int:
+    """Two, or three where two would hide most of the interval."""
+    return 3 if high - low < NARROW else 2
 
 
 def _known(paper: Paper) -> dict[str, str]:

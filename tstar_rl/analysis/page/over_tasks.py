@@ -26,13 +26,16 @@ from tstar_rl.analysis.page.markdown import (
     picture,
     table,
 )
-from tstar_rl.analysis.task_questions import answer_over_tasks, compare_over_tasks
+from tstar_rl.analysis.task_questions import answer_over_tasks, compare_over_tasks, sign_test
 
 __all__ = ["draw_over_tasks", "over_tasks", "short_over_tasks"]
 
 HEADING = "over all tasks"
 ROUNDING = 1e-9
-FIGURE = "Left: every run, and below them the interquartile mean. Right: the share of runs above a progress."
+FIGURE = (
+    "Left: every run, and below them the interquartile mean. Right: the share of runs above a progress. "
+    "The axes of progress are stretched towards 1."
+)
 READING = """\
 A run is one seed of one task. Every task has the same weight. Progress is the share of a task's subtasks, so tasks of
 two and of seven subtasks can be set beside each other. The interquartile mean leaves out a quarter of the runs at
@@ -42,8 +45,12 @@ For the interval, seeds are drawn within their task, and episodes within their s
 said of other tasks. With three seeds of each task it is too narrow ([decision 0017](decisions/0017-intervals.md)).
 
 *Improvement* is the probability that a seed of the arm has more progress than a seed of the reference on the same
-task, a tie counting half, mean over tasks; .5 is no difference. It is of the seeds that both have. The reference is
-{reference}.
+task, a tie counting half, mean over tasks; .5 is no difference. It is of the seeds that both have, not paired by seed.
+The reference is {reference}.
+
+In the table of questions, *seeds alone* is its interval if episodes are not drawn. The rule was declared with the other
+interval, which is pulled towards .5 where chains are near their ceiling; where the two give different answers, both are
+said. In the sign test a tie counts against the arm that is ahead.
 """
 
 
@@ -124,15 +131,20 @@ def _answers(experiment: Experiment, tasks: Sequence[str], entry: Entry) -> str:
     )
     for question in entry.task_questions:
         measured = [row for row in found.itertuples() if (row.first, row.second) == question.pair]
-        cells = [NOTHING, NOTHING]
+        cells = [NOTHING, NOTHING, NOTHING]
         for row in measured:
-            sign = f"{row.ahead} of {row.tasks} (p = {row.p_value:.3f})"
-            cells = [interval(row.improvement, row.improvement_low, row.improvement_high), sign]
+            tied, most = row.tasks - row.ahead - row.behind, max(row.ahead, row.behind)
+            signs = f"{row.ahead}, {tied}, {row.behind}"
+            if most > row.tasks / 2:
+                signs += f" (p = {sign_test(most, row.tasks):.3f})"
+            cells = [interval(row.improvement, row.improvement_low, row.improvement_high)]
+            cells += [f"[{row.seeds_low:.2f}, {row.seeds_high:.2f}]", signs]
         lines.append([question.asks, *cells, f"**{answer_over_tasks(question, found)}**"])
     header = [
         "question, declared before",
         "probability of improvement [95%]",
-        "tasks on which it is ahead (sign test)",
+        "seeds alone",
+        "tasks ahead, tied, behind (sign test)",
     ]
     return table([*header, "answer"], lines)
 

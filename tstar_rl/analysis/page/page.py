@@ -37,11 +37,17 @@ checkpoint.
 *Progress [95%]* and *success [95%]* are interquartile means over seeds (with fewer than four seeds: means). The
 interval is a bootstrap over seeds, and over episodes within seeds. With fewer than some ten seeds it is too narrow. So
 a *difference* between two arms, paired by seed, has Student's t beside it, and is called higher or lower only where
-both exclude zero. *Probability of improvement* is how often a seed of the first arm beats a seed of the second. Other
-tables give mean +- standard deviation over seeds.
+both exclude zero. *Won* is on how many seeds the first arm has more. *Probability of improvement* is how often any seed
+of the first arm beats any seed of the second, whether or not it is the same seed, a tie counting half; so it also
+measures how far seeds are apart. In tables of questions the interval of a difference reaches from the lower of the two
+lower ends to the higher of the two upper ends. Where a rule asks for a probability of improvement, that stands behind
+it, with the p-value corrected for the family of pairs (Holm). *Within 0.05 of zero*: both intervals are. Other tables
+give mean +- standard deviation over seeds.
 
 *Product of its skills* is the progress of a chain whose skills succeed as often from where the one before ends as from
 their own starts. The *hand-over gap* is that product minus what the chain does: what better hand-overs alone can mend.
+Both are plain means over seeds, while progress beside them is an interquartile mean, so they need not add up. An arm
+whose skills have wider starts alone than in the chain has neither: its product is no bound.
 
 Answers to questions: *yes* and *no* follow the rule that was declared. *Not shown*: a rule that asks for much was not
 met. *Not decided*: neither a gain nor its absence can be told. *N seeds probably would*: with N seeds the interval
@@ -85,7 +91,7 @@ def _filled(notes: str, entries: dict[str, Entry], paper: Paper) -> str:
         shown = [
             written[kind](experiment, named, entry, task)
             if kind in written
-            else parts.short_table(experiment, named, task)
+            else parts.short_table(experiment, named, entry, task)
             for task in experiment.tasks
         ]
         return "\n".join(shown).strip()
@@ -112,7 +118,7 @@ def _experiment(entry: Entry, paper: Paper) -> str:
         leads: dict[str, str] = {}
         if experiment and task in experiment.tasks:
             leads["Questions"] = parts.answers(experiment, paper, entry, task)
-            leads["Arms"] = parts.arms(experiment, paper, task, entry.prefix)
+            leads["Arms"] = parts.arms(experiment, paper, entry, task)
             leads["Comparisons"] = parts.comparisons(experiment, paper, entry, task)
             leads["Costs"] = costs(metrics, task, entry.prefix)
             leads["Turns"] = turns(metrics, paper, task, entry.prefix)
@@ -154,7 +160,8 @@ def results_head(root: str | Path, paper: Paper, notes: str) -> str:
                 shown = {f"{len(experiment.tasks)} tasks": short_over_tasks(experiment, named, entry)}
             else:
                 shown = {
-                    f"`{task}`": parts.short_table(experiment, named, task, arms) for task in experiment.tasks
+                    f"`{task}`": parts.short_table(experiment, named, entry, task, arms)
+                    for task in experiment.tasks
                 }
             found += [text for words, rows in shown.items() for text in (f"{link}, {words}", rows)]
     return "\n\n".join(part.strip() for part in found)

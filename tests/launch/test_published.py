@@ -1,0 +1,39 @@
+"""Publishing finished runs."""
+
+import pytest
+
+from tstar_rl.launch.published import publish
+
+
+def test_finished_runs_are_published_and_others_are_not(tmp_path):
+    done, going = (tmp_path / f"a/table_lack/{arm}/seed7" for arm in ("tstar", "paid"))
+    for folder in (done, going):
+        folder.mkdir(parents=True)
+        (folder / "metrics.csv").write_text("env_steps\n1\n")
+    (done / "evaluation.csv").write_text("progress\n1\n")
+    (done / "timing.csv").write_text("minutes\n1\n")
+    written = publish(tmp_path / "a", tmp_path / "b")
+    assert [file.relative_to(tmp_path).as_posix() for file in written] == [
+        "b/table_lack/tstar/seed7/metrics.csv",
+        "b/table_lack/tstar/seed7/evaluation.csv",
+    ]
+
+
+def test_a_run_made_anew_with_the_same_figures_keeps_its_first_tables(tmp_path):
+    for place, minutes, commit in (("a", 2, "new"), ("b", 1, "old")):
+        folder = tmp_path / place / "table_lack/gail_ppo/seed7/subtask0"
+        folder.mkdir(parents=True)
+        (folder / "evaluation.csv").write_text(f"progress,minutes\n0.5,{minutes}\n")
+        (folder / "config.yaml").write_text(commit)
+    assert publish(tmp_path / "a", tmp_path / "b") == []
+    assert (folder / "config.yaml").read_text() == "old"
+
+
+def test_other_figures_of_a_published_run_are_an_error_after_the_rest_is_copied(tmp_path):
+    for place, progress in (("a/one", 0.5), ("a/two", 0.25), ("b/one", 0.75)):
+        (tmp_path / place).mkdir(parents=True)
+        (tmp_path / place / "evaluation.csv").write_text(f"progress,minutes\n{progress},1\n")
+    with pytest.raises(ValueError, match=r"other figures than those in .*a: .*b/one/evaluation.csv; delete"):
+        publish(tmp_path / "a", tmp_path / "b")
+    assert (tmp_path / "b/two/evaluation.csv").is_file()
+    assert "0.75" in (tmp_path / "b/one/evaluation.csv").read_text()

@@ -1,0 +1,45 @@
+"""Publishing: the tables of finished runs, copied to where the page reads them."""
+
+import shutil
+from pathlib import Path
+
+import pandas as pd
+
+__all__ = ["publish"]
+
+TABLES = ("config.yaml", "metrics.csv", "evaluation.csv", "calibration.csv")
+MEASURED = "minutes"
+"""The column that two runs of the same numbers differ in."""
+
+
+def publish(source: str | Path, target: str | Path) -> list[Path]:
+    """Copies the tables of every finished run below `source` to the same place below `target`.
+
+    A run that lies there already is left as it is: where skills were made anew, their first tables stay.
+
+    Returns:
+        The files written.
+
+    Raises:
+        ValueError: a run was published before with other figures; the others are copied first.
+    """
+    written, differ = [], []
+    for file in sorted(Path(source).rglob("evaluation.csv")):
+        there = Path(target) / file.relative_to(source)
+        if there.is_file():
+            differ += [there] if _figures(there) != _figures(file) else []
+            continue
+        there.parent.mkdir(parents=True, exist_ok=True)
+        tables = [name for name in TABLES if file.with_name(name).is_file()]
+        written += [Path(shutil.copyfile(file.with_name(name), there.with_name(name))) for name in tables]
+    if differ:
+        raise ValueError(
+            f"published before with other figures than those in {source}: {', '.join(map(str, differ))}; "
+            "delete these folders if the new runs are to replace them"
+        )
+    return written
+
+
+def _figures(file: Path) -> str:
+    """An evaluation without the minutes that it took."""
+    return pd.read_csv(file).drop(columns=MEASURED, errors="ignore").to_csv(index=False)
