@@ -34,6 +34,12 @@ def numbers(text: str) -> tuple[float, ...]:
     return tuple(float(found) for found in re.findall(r"-?\d+(?:\.\d+)?(?:e-?\d+)?", text))
 
 
+def coefficients(potential: str) -> list[float]:
+    """Of its summands, with their signs, in order: "-5 exp(-2 d) + 3 (a + b)" has -5 and 3."""
+    joined = re.sub(r"([+-]) (?=\d)", r"\1", potential)
+    return [float(found) for found in re.findall(r"(?<!\S)[+-]?\d+(?= (?:exp|min|)\()", joined)]
+
+
 def test_the_scene():
     table = {first: rest for first, *rest in rows("Scene")}
     assert numbers(table["home pose of the arm"][0]) == sawyer.HOME_QPOS
@@ -94,7 +100,7 @@ def test_the_numbers_of_a_phase(phase):
     summands = phase_reward.POTENTIALS[phase]
     terms = [term for _, *some in summands for term in some]
     written = {abs(number) for number in numbers(potential)}
-    assert {abs(coefficient) for coefficient, *_ in summands} <= written
+    assert coefficients(potential) == [coefficient for coefficient, *_ in summands]
     assert {term.rate for term in terms if term.rate} <= written
     assert {term.most for term in terms if math.isfinite(term.most)} <= written
     bounds = [bound for bound in phase_reward.CONDITIONS[phase] if not isinstance(bound, str)]
