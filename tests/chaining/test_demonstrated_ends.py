@@ -90,6 +90,17 @@ def test_a_gate_does_not_go_with_clones_made_in_a_turn(asked):
         asked("in_order", "chain.gate=true", "chain.trial_episodes=4")
 
 
-def test_a_second_turn_does_not_clone_over_the_first(asked):
-    with pytest.raises(ValueError, match=r"set chain\.rounds=1"):
-        asked("in_order", "chain.rounds=2")
+@pytest.mark.parametrize(
+    "values",
+    [("chain.rounds=2",), ("chain.order=costliest", "chain.trial_every=1", "chain.trial_episodes=4")],
+)
+def test_a_second_turn_does_not_clone_over_the_first(asked, values):
+    """By cost, a skill can have two turns of four, and another one none."""
+    with pytest.raises(ValueError, match=r"set chain\.rounds=1 and chain\.order=forward, got"):
+        asked("in_order", *values)
+
+
+def test_where_nothing_is_cloned_skills_have_gates_and_turns(asked):
+    values = ("demonstrated_ends=0.0", "chain.gate=true", "chain.rounds=2", "chain.trial_episodes=4")
+    calls, turns, _ = asked("in_order", *values)
+    assert not calls and [index for index, *_ in turns] == [0, 1, 2, 3] * 2

@@ -141,19 +141,17 @@ class TurnUpdates(Training):
             cloning: how.
 
         Raises:
-            InvalidValueError: for another share, if a gate judges the turn, or if skills have more turns than one.
+            InvalidValueError: for another share. For one that is not 0: if a gate judges the turn, or if a skill can
+                have more turns than one.
             RuntimeError: if the expert fails too often from there.
 
         Source: Ross et al. 2011, DAgger: demonstrations from the states that the learner gets into.
         """
         if not 0.0 <= share <= 1.0:
             raise InvalidValueError(f"the share of demonstrations from ends must be in [0, 1], got {share}")
-        if self.chain.gate.settings.rejects:
-            raise InvalidValueError("a gate does not put back what is cloned in a turn: set chain.gate=false")
-        if self.chain.settings.rounds > 1:
-            raise InvalidValueError(
-                "a second turn would clone over what the first has learned: set chain.rounds=1"
-            )
+        if not share:
+            return
+        self._check_that_it_is_the_only_turn()
         number = round(share * len(self.expert))
         if self.previous is None or not number or not len(self.previous.termination_set):
             return
@@ -164,6 +162,17 @@ class TurnUpdates(Training):
         self.skill.normalizer.fit(seen, self.settings.normalizer_floor)
         behaviour_cloning(self.skill.policy, seen, self.expert.actions, cloning, self.seed)
         torch.manual_seed(self.seed)
+
+    def _check_that_it_is_the_only_turn(self) -> None:
+        """Raises InvalidValueError where a clone could be put back, or would go over what a turn has learned."""
+        settings = self.chain.settings
+        if self.chain.gate.settings.rejects:
+            raise InvalidValueError("a gate does not put back what is cloned in a turn: set chain.gate=false")
+        if settings.rounds > 1 or settings.order == "costliest":
+            raise InvalidValueError(
+                "a second turn of a skill would clone over what its first has learned: set chain.rounds=1 and "
+                f"chain.order=forward, got chain.rounds={settings.rounds} and chain.order={settings.order}"
+            )
 
     def begin_where_it_fails(self, expected: Callable[[Tensor], Tensor], share: float) -> None:
         """Draws a share of the chained starts by how little is expected of the skill there, from now on in this turn.
