@@ -7,6 +7,7 @@ from typing import TypeVar
 
 import yaml
 
+from tstar_rl.analysis.learned import Learned
 from tstar_rl.analysis.page.headline import Headline, parse_headline
 from tstar_rl.analysis.page.markdown import Paper
 from tstar_rl.analysis.questions import Question
@@ -45,6 +46,8 @@ class Entry:
     """What is chosen, in words, and the pair of arms whose difference says what that adds."""
     no_gap: tuple[str, ...] = ()
     """Arms without a hand-over gap, since their skills start from other states alone than in the chain."""
+    learned: Learned | None = None
+    """Declared before the experiment ran: when a skill counts as learned."""
     figure_arms: tuple[str, ...] = ()
     """Arms whose profiles and costs are drawn, where all would not be told apart; none named: all."""
     sections: tuple[str, ...] | None = None
@@ -128,6 +131,7 @@ def _entry(root: Path, one: dict) -> Entry:
     pairs = _pairs(one.get("pairs", ()))
     families = tuple(_pairs(family) for family in one.get("families", ()))
     questions = tuple(_question(root, asked, Question) for asked in one.get("questions", ()))
+    learned = _learned(root, one["learned"]) if "learned" in one else None
     over_tasks = tuple(_question(root, asked, TaskQuestion) for asked in one.get("task_questions", ()))
     for name, each in (("families", families), ("questions", [asked.pairs for asked in questions])):
         unknown = sorted({pair for named in each for pair in named} - set(pairs))
@@ -139,6 +143,7 @@ def _entry(root: Path, one: dict) -> Entry:
         "pairs": pairs,
         "families": families,
         "questions": questions,
+        "learned": learned,
         "task_questions": over_tasks,
         "choices": dict(zip(one.get("choices", {}), _pairs(one.get("choices", {}).values()), strict=True)),
         **{name: tuple(one.get(name, ())) for name in ("no_gap", "figure_arms")},
@@ -157,18 +162,28 @@ def _entry(root: Path, one: dict) -> Entry:
 
 def _question(root: Path, asked: dict, kind: type[_Asked]) -> _Asked:
     """One item of an experiment's `questions` or `task_questions`."""
-    valid = {field.name: field.default is MISSING for field in fields(kind)}
-    wrong = [name for name in asked if name not in valid]
-    wrong += [name for name, it_is_needed in valid.items() if it_is_needed and name not in asked]
-    if wrong:
-        needed = ", ".join(name for name, it_is_needed in valid.items() if it_is_needed)
-        raise ValueError(
-            f"{root / FILE}: a question has {', '.join(valid)}, and needs {needed}; of {asked.get('asks', asked)!r} "
-            f"these are missing or unknown: {', '.join(wrong)}"
-        )
+    _check_fields(root, "a question", asked, kind)
     if kind is Question:
         return kind(**{**asked, "pairs": _pairs(asked["pairs"])})
     return kind(**{**asked, "pair": _pairs([asked["pair"]])[0]})
+
+
+def _learned(root: Path, given: dict) -> Learned:
+    """An experiment's `learned`."""
+    _check_fields(root, "learned", given, Learned)
+    return Learned(**given)
+
+
+def _check_fields(root: Path, what: str, given: dict, kind: type) -> None:
+    valid = {field.name: field.default is MISSING for field in fields(kind)}
+    wrong = [name for name in given if name not in valid]
+    wrong += [name for name, it_is_needed in valid.items() if it_is_needed and name not in given]
+    if wrong:
+        needed = ", ".join(name for name, it_is_needed in valid.items() if it_is_needed)
+        raise ValueError(
+            f"{root / FILE}: {what} has {', '.join(valid)}, and needs {needed}; of {given.get('asks', given)!r} "
+            f"these are missing or unknown: {', '.join(wrong)}"
+        )
 
 
 def _pairs(listed: Iterable[Sequence[str]]) -> tuple[tuple[str, str], ...]:

@@ -133,10 +133,7 @@ def _answers(experiment: Experiment, tasks: Sequence[str], entry: Entry) -> str:
         measured = [row for row in found.itertuples() if (row.first, row.second) == question.pair]
         cells = [NOTHING, NOTHING, NOTHING]
         for row in measured:
-            tied, most = row.tasks - row.ahead - row.behind, max(row.ahead, row.behind)
-            signs = f"{row.ahead}, {tied}, {row.behind}"
-            if most > row.tasks / 2:
-                signs += f" (p = {sign_test(most, row.tasks):.3f})"
+            signs = _signs(*(int(value) for value in (row.ahead, row.behind, row.tasks)))
             cells = [interval(row.improvement, row.improvement_low, row.improvement_high)]
             cells += [f"[{row.seeds_low:.2f}, {row.seeds_high:.2f}]", signs]
         lines.append([question.asks, *cells, f"**{answer_over_tasks(question, found)}**"])
@@ -147,6 +144,12 @@ def _answers(experiment: Experiment, tasks: Sequence[str], entry: Entry) -> str:
         "tasks ahead, tied, behind (sign test)",
     ]
     return table([*header, "answer"], lines)
+
+
+def _signs(ahead: int, behind: int, tasks: int) -> str:
+    """Tasks ahead, tied and behind, with the p-value of the side that has more than half."""
+    said, most = f"{ahead}, {tasks - ahead - behind}, {behind}", max(ahead, behind)
+    return f"{said} (p = {sign_test(most, tasks):.3f})" if most > tasks / 2 else said
 
 
 def _words(scores: TaskScores, tasks: Sequence[str]) -> str:

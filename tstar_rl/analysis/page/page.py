@@ -126,6 +126,7 @@ def _experiment(entry: Entry, paper: Paper) -> str:
             leads["The paper's table and ours"] = sections.comparison(evaluations, paper, task)
             leads["Budgets"] = sections.budgets(evaluations, paper, task)
         leads["What the skills hand over"] = sections.hand_over(entry.folder, task, paper, entry.prefix)
+        leads["Which skills are learned"] = sections.learned(entry.learned, evaluations, task)
         leads["Skills alone"] = sections.skills(evaluations, task)
         leads["Where the third skill ends: the paper's Figure 4"] = sections.figure_4(
             entry.folder, task, paper, entry.prefix

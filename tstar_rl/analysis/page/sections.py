@@ -5,6 +5,7 @@ from pathlib import Path
 import pandas as pd
 
 from tstar_rl.analysis import ablations, variants
+from tstar_rl.analysis.learned import Learned, evaluated_skills, learned_skills
 from tstar_rl.analysis.page.markdown import (
     NOTHING,
     Paper,
@@ -24,6 +25,7 @@ __all__ = [
     "evaluations_of",
     "figure_4",
     "hand_over",
+    "learned",
     "pick",
     "short_comparison",
     "skills",
@@ -128,6 +130,22 @@ def skills(evaluations: pd.DataFrame, task: str) -> str:
         steps = f"{trained['env_steps'].mean() / 1e6:.2f}M" if len(trained) else NOTHING
         rows.append([f"{system}, subtask {subtask}", *row, steps, str(part["seed"].nunique())])
     return table(["skill", "last", "best", "environment steps", "seeds"], rows) if rows else ""
+
+
+def learned(rule: Learned | None, evaluations: pd.DataFrame, task: str) -> str:
+    """Which skills of a task are learned, by the declared rule; nothing where none was declared, or none was run."""
+    rows = pd.DataFrame() if rule is None else evaluated_skills(rule, evaluations, task)
+    if rule is None or rows.empty:
+        return ""
+    lines = []
+    for subtask, found in learned_skills(rule, rows).iterrows():
+        seeds = [
+            f"{row.seed}: {interval(row.success, row.success_low, row.success_high)}"
+            for row in rows[rows["subtask"] == subtask].itertuples()
+        ]
+        lines.append([str(subtask), "; ".join(seeds), f"{found['mean']:.3f}", f"**{found['answer']}**"])
+    asked = f"learned: {rule.mean:g} or more on average, {rule.lowest:g} or more on every seed"
+    return table(["subtask", "success of each seed [95%, Wilson]", "mean", asked], lines)
 
 
 def figure_4(root: Path, task: str, paper: Paper, prefix: str) -> str:
