@@ -135,6 +135,20 @@ def test_a_critics_error_is_learned_in_its_own_turn(point_chain, errors_known):
     assert errors_known == [False, True]
 
 
+def test_an_error_that_was_learned_from_no_state_is_not_known(point_chain, errors_known):
+    """Only chained starts count, and there are none: in skill 1's turn the update is made, and has no data."""
+    values = ("chain.kept_states=chained", "chain.starts={environment: 1.0, gaussian: 0.0, buffer: 0.0}")
+    table = point_chain(
+        "hand_over_value",
+        *TWO,
+        *values,
+        "chain.rounds=2",
+        "chain.steps_per_turn=512",
+        "chain.trial_every=100",
+    )
+    assert table[table.skill == 1].value_error_loss.isna().all() and errors_known == [False, False]
+
+
 @pytest.mark.parametrize(("margin", "known"), [(10.0, True), (-10.0, False)])
 def test_an_error_that_a_rejected_turn_has_learned_is_not_known(point_chain, errors_known, margin, known):
     """Skill 1's turn comes first. Put back, it leaves a network that has learned nothing."""

@@ -157,3 +157,12 @@ def test_the_log_says_how_d_omega_does(point_chain):
 def test_a_d_omega_that_nothing_trains_is_not_judged(point_chain):
     table = point_chain("policy_sequencing", "chain.gate=true", "chain.links=2")
     assert "d_omega_auc" not in table and table.next_success.notna().sum() == 1
+
+
+def test_a_d_omega_is_judged_once_it_was_trained_itself(point_chain):
+    """Each turn trains its own skill's, as the paper does: in the first round, the next skill's is not trained yet."""
+    values = ("chain.gate=false", "chain.links=3", "chain.rounds=2", "chain.d_omega_of=own")
+    table = point_chain("tstar", *values, "chain.steps_per_turn=512")
+    ends = table[table.handed.notna()]
+    assert ends.skill.tolist() == [0, 1, 0, 1] and (ends.handed > 1).all()
+    assert ends.d_omega_sd.notna().tolist() == [False, False, True, True]

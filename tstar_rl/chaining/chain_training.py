@@ -65,8 +65,7 @@ class ChainTraining:
         gate: judges each turn.
         save: writes the chain under a name, at a number of steps.
         turn_order: says whose turn it is.
-        made: names of the updates that any turn has made.
-        learned: labelled networks that a turn has trained and that were not put back, as "<index>/<name>".
+        learned: networks of scores that a turn has trained and that were not put back, as "<index>/<name>".
     """
 
     skills: Sequence[Skill]
@@ -79,7 +78,6 @@ class ChainTraining:
     gate: Gate
     save: Callable[[str, int], None] = lambda name, steps: None
     turn_order: TurnOrder = field(init=False)
-    made: set[str] = field(default_factory=set)
     learned: set[str] = field(default_factory=set)
     _kept: dict[int, dict[str, Any]] = field(default_factory=dict)
     _waiting: dict[str, Any] = field(default_factory=dict)
@@ -120,10 +118,6 @@ class ChainTraining:
         """The updates and the collection of skill `index`, by name; a turn adds those that it makes."""
         return self._kept.setdefault(index, {})
 
-    def has_made(self, name: str) -> bool:
-        """Whether any turn has made an update of that name, this one too."""
-        return name in self.made or any(name in kept for kept in self._kept.values())
-
     def restore(self, index: int, name: str) -> None:
         """Loads the state that a checkpoint had of something which has just been made."""
         state = self._waiting.pop(f"{index}/{name}", None)
@@ -136,7 +130,6 @@ class ChainTraining:
         Workers of a cluster are never carried over: the next turn's need their places.
         """
         kept = self._kept[index]
-        self.made |= kept.keys()
         if index:
             self.skills[index - 1].termination_set.weigh(None)
         if not self.settings.carry_over or isinstance(kept["collection"], RayCollection):
@@ -169,7 +162,7 @@ class ChainTraining:
             (index, *each) for index, skill in enumerate(self.skills) for each in skill.networks.items()
         ]
         coarse = [f"{index}/{name}" for index, name, network in networks if network.coarse]
-        return state | {"coarse": coarse, "made": sorted(self.made), "learned": sorted(self.learned)}
+        return state | {"coarse": coarse, "learned": sorted(self.learned)}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """What `state_dict` gave; each is loaded when its turn comes."""
@@ -180,6 +173,4 @@ class ChainTraining:
         for place in state.get("coarse", ()):
             index, _, name = place.partition("/")
             self.skills[int(index)].network(name).coarse = True
-        carried = {each.partition("/")[2] for each in self._waiting}
-        self.made = set(state.get("made", carried))  # a checkpoint of before has none
         self.learned = set(state.get("learned", ()))

@@ -11,7 +11,7 @@ normaliser, the log, the best so far, checkpoints, going on after a kill.
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import torch
 from tensordict import TensorDictBase
@@ -34,10 +34,11 @@ from tstar_rl.updates import (
     behaviour_cloning,
 )
 
-__all__ = ["Distance", "SkillTraining", "Training", "TrainingSettings"]
+__all__ = ["AnyUpdate", "Distance", "SkillTraining", "Training", "TrainingSettings"]
 
 Distance = Callable[[Tensor, Tensor], Tensor]
 """From what a network says of states and their labels, of one shape, to a scalar."""
+AnyUpdate = TypeVar("AnyUpdate", DiscriminatorUpdate, LabelledUpdate, PolicyUpdate)
 
 
 @dataclass(frozen=True)
@@ -74,7 +75,6 @@ class Training:
     ) -> None:
         self.skill, self.expert, self.run, self.settings = skill, expert, run, settings
         self.collection, self.seed, self.steps = collection, seed, run.env_steps
-        self.updates: dict[str, DiscriminatorUpdate | LabelledUpdate | PolicyUpdate] = {}
         self._row: dict[str, Any] | None = None
 
     @property
@@ -87,8 +87,7 @@ class Training:
     ) -> DiscriminatorUpdate:
         """The update of a skill's network `name`, which is to say `labels` of two kinds of states."""
         update = DiscriminatorUpdate(name, skill.network(name), labels, settings, self.seed)
-        self.updates[f"update_{name}"] = update
-        return update
+        return self._keep(f"update_{name}", update)
 
     def labelled_update(
         self, name: str, skill: Skill, distance: Distance, settings: LabelledSettings
@@ -96,15 +95,17 @@ class Training:
         """The update of a skill's network `name`, which is to say the label of every state; see `LabelledLoss`."""
         network = skill.network(name, settings.floor)
         update = LabelledUpdate(name, network, distance, settings, self.seed)
-        self.updates[f"update_{name}"] = update
-        return update
+        return self._keep(f"update_{name}", update)
 
     def policy_update(self) -> PolicyUpdate:
         """PPO of the skill's policy and value network."""
         skill = self.skill
         update = PolicyUpdate(skill.policy, skill.value, self.settings.ppo, skill.return_scale, self.seed)
-        self.updates["update_policy"] = update
-        return update
+        return self._keep("update_policy", update)
+
+    def _keep(self, name: str, made: AnyUpdate) -> AnyUpdate:
+        """Keeps an update, so that a checkpoint has its state; returns it."""
+        raise NotImplementedError
 
     def log(self, rollout: TensorDictBase, log: Mapping[str, Any]) -> None:
         """Notes what the recipe has found of this rollout; the row is written before the next one."""
@@ -155,6 +156,7 @@ class SkillTraining(Training):
     ) -> None:
         super().__init__(*training)
         self.warm_start, self.checkpoint_every, self.save = warm_start, checkpoint_every, save
+        self.updates: dict[str, Any] = {}
 
     def rollouts(self) -> Iterator[TensorDictBase]:
         """Rollouts (N, T) until the run's steps are done; goes on from a checkpoint if there is one."""
@@ -174,6 +176,10 @@ class SkillTraining(Training):
         self.collection.close()
         self.save("last", self.steps)
         run.finish()
+
+    def _keep(self, name: str, made: AnyUpdate) -> AnyUpdate:
+        self.updates[name] = made
+        return made
 
     def _apart(self, rollout: TensorDictBase) -> Tensor | None:
         return rollout.get(("next", "start_chained"), None)  # no skill is before: it began in a demonstration

@@ -11,7 +11,7 @@ from torch import Tensor
 from tstar_rl.chaining.chain_training import ChainTraining
 from tstar_rl.chaining.signals import Signal, critic_errors, outcomes_of
 from tstar_rl.chaining.skill import Skill
-from tstar_rl.chaining.training import Distance, Training
+from tstar_rl.chaining.training import AnyUpdate, Distance, Training
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.models.networks import Discriminator
 from tstar_rl.rollouts.labels import Label
@@ -26,10 +26,12 @@ from tstar_rl.updates import (
     PolicyUpdate,
     behaviour_cloning,
 )
+from tstar_rl.updates.sampled import SampledUpdate
 
 __all__ = ["Seam", "TurnUpdates"]
 
 AnySignal = TypeVar("AnySignal", bound=Signal)
+Scoring = TypeVar("Scoring", bound=SampledUpdate)
 
 
 class Seam(NamedTuple):
@@ -55,7 +57,7 @@ class TurnUpdates(Training):
         seam: the skills whose states d_omega is trained on in this turn; None where there is no such seam.
         seams: that with the skill before and that with the next skill, those that there are.
         signals: by name, what pays this turn and is judged at its end, and by which label; see `signal`.
-        teaches: the networks of this turn's labelled updates, as in `ChainTraining.learned`.
+        taught: the updates of networks of scores that this turn makes, by network, as in `ChainTraining.learned`.
     """
 
     def __init__(self, chain: ChainTraining, index: int, seed: int) -> None:
@@ -75,32 +77,35 @@ class TurnUpdates(Training):
         around = [each for each in (previous, self.skill, self.following) if each is not None]
         self.seams = [Seam(*both) for both in pairwise(around)]
         self.signals: dict[str, tuple[Signal, Label]] = {}
-        self.teaches: set[str] = set()
+        self.taught: dict[str, SampledUpdate] = {}
 
     def discriminator_update(
         self, name: str, skill: Skill, settings: DiscriminatorSettings, **labels: float
     ) -> DiscriminatorUpdate:
         """See `Training`; where a chain carries over, that of the skill's last turn goes on."""
         known = self._known(name, skill)
-        return known or self._keep(
-            f"update_{name}", super().discriminator_update(name, skill, settings, **labels)
+        return self._teach(
+            name, skill, known or super().discriminator_update(name, skill, settings, **labels)
         )
 
     def labelled_update(
         self, name: str, skill: Skill, distance: Distance, settings: LabelledSettings
     ) -> LabelledUpdate:
         """See `Training`; where a chain carries over, that of the skill's last turn goes on."""
-        self.teaches.add(f"{skill.subtask}/{name}")
         known = self._known(name, skill)
-        return known or self._keep(f"update_{name}", super().labelled_update(name, skill, distance, settings))
+        return self._teach(name, skill, known or super().labelled_update(name, skill, distance, settings))
 
     def learned(self, name: str, skill: Skill) -> Discriminator | None:
-        """A skill's network that a turn before has trained with a `labelled_update` and that was kept; else None."""
+        """A skill's network that a turn before has trained, with data, and that was kept; else None."""
         return skill.network(name) if f"{skill.subtask}/{name}" in self.chain.learned else None
+
+    def learned_here(self) -> set[str]:
+        """The networks of scores that this turn has trained, with data, as in `ChainTraining.learned`."""
+        return {place for place, update in self.taught.items() if update.has_learned}
 
     def policy_update(self) -> PolicyUpdate:
         """See `Training`; where a chain carries over, that of the skill's last turn goes on."""
-        return self.kept.get("update_policy") or self._keep("update_policy", super().policy_update())
+        return self.kept.get("update_policy") or super().policy_update()
 
     def _known(self, name: str, skill: Skill) -> Any:
         """The update of a name that is there already, or None.
@@ -115,7 +120,11 @@ class TurnUpdates(Training):
             )
         return known
 
-    def _keep(self, name: str, made: Any) -> Any:
+    def _teach(self, name: str, skill: Skill, update: Scoring) -> Scoring:
+        self.taught[f"{skill.subtask}/{name}"] = update
+        return update
+
+    def _keep(self, name: str, made: AnyUpdate) -> AnyUpdate:
         self.kept[name] = made
         self.chain.restore(self.index, name)
         return made

@@ -59,7 +59,7 @@ class Turn(TurnUpdates):
         )
         self.chain.turn_order.note(judgement.kept, self.index, judgement.accepted is not False)
         if judgement.accepted is not False:
-            self.chain.learned |= self.teaches
+            self.chain.learned |= self.learned_here()
         if judgement.after is not None:
             self.chain.keep_outcomes(judgement.after, self.index if judgement.accepted is False else None)
         return judgement.row(self.index) | found
@@ -76,7 +76,7 @@ class Turn(TurnUpdates):
             found |= columns
             if curve is not None:
                 self.run.log_calibration(self.steps, self.index, name, curve)
-        if not self.chain.has_made("update_d_omega"):
+        if f"{self.following.subtask}/d_omega" not in self.chain.learned | self.learned_here():
             return found
         with torch.no_grad():
             scores = self.following.d_omega(handed.starts).squeeze(-1)

@@ -18,6 +18,11 @@ class SampledUpdate:
         self.device = optimizer.param_groups[0]["params"][0].device
         self.generator = torch.Generator(self.device).manual_seed(seed)
 
+    @property
+    def has_learned(self) -> bool:
+        """Whether it has made a step since it was made; one without data makes none."""
+        return bool(self.optimizer.state)
+
     def state_dict(self) -> dict[str, Any]:
         """Optimiser and generator."""
         return {"optimizer": self.optimizer.state_dict(), "generator": self.generator.get_state()}
