@@ -148,6 +148,16 @@ def test_a_rejected_turn_keeps_the_returns_of_the_episodes_that_run_on(
         assert not first.any() and at_end[index][0].any() and torch.equal(second, at_end[index][0])
 
 
+@pytest.mark.parametrize(("gate", "copies"), [("false", 0), ("true", 3)])
+def test_what_a_turn_changes_is_copied_only_for_a_gate(gate, copies, point_chain, monkeypatch):
+    """At the beginning of each of two kept turns, and before the chain is tried as it was, which the first asks for."""
+    made, state = [], Turn._state
+    monkeypatch.setattr(Turn, "_state", lambda turn: made.append(turn.index) or state(turn))
+    values = (f"chain.gate={gate}", "chain.gate_margin=10", "chain.links=2", "chain.steps_per_turn=512")
+    point_chain("tstar", *values)
+    assert len(made) == copies
+
+
 def flat(state: dict, prefix: str = "") -> dict:
     found = {}
     for name, value in state.items():

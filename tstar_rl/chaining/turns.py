@@ -31,11 +31,13 @@ class Turn(TurnUpdates):
     def __init__(self, chain: ChainTraining, index: int, seed: int) -> None:
         super().__init__(chain, index, seed)
         self._before: dict[str, Any] = {}
+        self._trained: dict[str, Any] = {}
 
     def rollouts(self) -> Iterator[TensorDictBase]:
         """The turn's rollouts (N, T); after the last one the gate judges what the turn has changed."""
         run, rollouts = self.run, self.chain.rollouts
-        self._before = self._state()
+        if self.chain.gate.settings.rejects:
+            self._before = self._state()
         for number in range(rollouts):
             rollout = self._collect(1.0)
             self._log_terminal_states(rollout)
@@ -49,12 +51,12 @@ class Turn(TurnUpdates):
 
     def _end(self) -> dict[str, float]:
         """Lets the gate judge; returns its columns."""
-        trained, found = self._state(), {}
+        found: dict[str, float] = {}
         judgement = self.chain.gate.judge(
             self.run.turn,
             self.index,
-            undo=lambda: self._load(self._before),
-            redo=lambda: self._load(trained),
+            undo=self._undo,
+            redo=lambda: self._load(self._trained),
             tried=lambda trial: found.update(self._say_how_the_next_does(trial)),
         )
         self.chain.turn_order.note(judgement.kept, self.index, judgement.accepted is not False)
@@ -93,6 +95,11 @@ class Turn(TurnUpdates):
         updates = {name: each.state_dict() for name, each in self.kept.items() if name != "collection"}
         updates.get("update_policy", {}).pop("carried", None)
         return deepcopy(state | updates)
+
+    def _undo(self) -> None:
+        """Puts back what the turn has changed; what it is now can be loaded again."""
+        self._trained = self._state()
+        self._load(self._before)
 
     def _load(self, state: dict[str, Any]) -> None:
         """What `_state` gave. An update that has been made since stays as it is."""
