@@ -2,11 +2,13 @@
 
 import pytest
 import torch
+from hydra import compose, initialize_config_dir
 from tensordict import TensorDict
 
 from tstar_rl.chaining.chain import load_chain
 from tstar_rl.chaining.turns import Turn
 from tstar_rl.config import chain
+from tstar_rl.config.values import CONFIGS
 from tstar_rl.demonstrations.data_set import Demonstrations
 
 SHORT = ("skills=gail_ppo", "chain.steps_per_turn=512", "chain.trial_every=100", "bc.epochs=200")
@@ -74,6 +76,14 @@ def test_a_share_of_none_asks_for_none_and_one_that_cannot_be_is_refused(asked):
     assert not calls and all(expert is own for _, expert, *_ in turns)
     with pytest.raises(ValueError, match=r"must be in \[0, 1\], got 1.5"):
         asked("in_order", "demonstrated_ends=1.5", "resume=false")
+
+
+@pytest.mark.parametrize("scale", ["no_return", "laptop", "narrow"])
+def test_the_critic_of_a_clone_warms_up_for_as_many_steps_as_in_a_first_training(scale):
+    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
+        config = compose("recipe/in_order", [f"scale={scale}"])
+    steps = config.chain.horizon * config.chain.ppo.critic_warmup
+    assert steps == config.training.horizon * config.ppo.critic_warmup > 0
 
 
 @pytest.mark.parametrize(("recipe", "learns"), [("in_order", True), ("in_order_cloned", False)])
