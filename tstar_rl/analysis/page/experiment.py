@@ -152,7 +152,7 @@ def answers(experiment: Experiment, paper: Paper, entry: Entry, task: str) -> st
         shown = [signed_interval(row.difference, *_wider(row)) for row in measured]
         if question.improvement is not None:
             shown = [
-                f"{difference}, improvement {row.improvement:.2f}, p {_p_value(row.corrected)}"
+                f"{difference}, improvement {row.improvement:.2f}, {_p_words(row.corrected)}"
                 for difference, row in zip(shown, measured, strict=True)
             ]
         lines.append([question.asks, "; ".join(shown) or NOTHING, f"**{answer(question, found)}**"])
@@ -179,6 +179,11 @@ def _corrected(found: pd.DataFrame, entry: Entry) -> dict[tuple[str, str], float
 
 def _p_value(value: float | None) -> str:
     return NOTHING if value is None or math.isnan(value) else "< .001" if value < 0.001 else f"{value:.3f}"
+
+
+def _p_words(value: float) -> str:
+    said = _p_value(value)
+    return f"p {said}" if said.startswith("<") else f"p = {said}"
 
 
 def comparisons(experiment: Experiment, paper: Paper, entry: Entry, task: str) -> str:
