@@ -77,17 +77,21 @@ def _note_minutes(config: DictConfig, seeds: int, minutes: float) -> None:
 
 
 def _chains(seed: str) -> list[list[Step]]:
-    """T-STAR and its two controls, one of which needs what T-STAR paid; then their evaluations."""
+    """T-STAR and its two controls, one of which needs what T-STAR paid; then their evaluations.
+
+    What the command line says of terminal_reward is T-STAR's, and its controls do not read it.
+    """
+    plain = "terminal_reward={score: terminal, baseline: none}"
     bonus = ("system=policy_sequencing_bonus", seed)
     return [
         [
             ("tstar", seed),
-            ("policy_sequencing", *bonus, f"{BONUS}tstar"),
+            ("policy_sequencing", *bonus, plain, f"{BONUS}tstar"),
             ("evaluate", "system=tstar", seed),
             ("evaluate", *bonus),
         ],
         [
-            ("policy_sequencing", seed),
+            ("policy_sequencing", seed, plain),
             ("evaluate", "system=policy_sequencing", seed),
             ("evaluate", "system=no_finetuning", seed),
         ],

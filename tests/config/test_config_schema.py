@@ -45,6 +45,16 @@ def test_what_a_user_may_add():
     checked("policy_sequencing", "bonus=0.4", "subtask=null", "exploration=null")
 
 
+def test_what_reads_like_a_value_that_is_not_read_and_is():
+    checked("tstar", "chain.gate=true", "chain.rounds=1", "chain.trial_every=100")  # a gate tries the chain
+    checked("tstar", "chain.gate=false", "chain.rounds=2", "chain.links=3", "chain.trial_every=6")
+    checked("tstar", "chain.links=2")  # and logs no states of skill 2
+    checked("tstar", "task=chair_bernhard")  # nor does this, of two subtasks
+    checked("tstar", "chain.logged_skill=9", "chain.logged_states=0")
+    checked("in_order", "skills=gail_ppo", "demonstrated_ends=0")
+    checked("in_order_cloned", "skills=bc_noisy")
+
+
 @pytest.mark.parametrize(
     ("name", "override", "message"),
     [

@@ -193,7 +193,8 @@ def pipeline(call, monkeypatch, tmp_path):
 def test_assemble_runs_every_step_once(pipeline, tmp_path):
     first = pipeline("assemble", "scale=quick", "processes=1")
     assert len(first) == 2 * SUBTASKS + 5 + 2 + SUBTASKS + 1
-    bonus = ("system=policy_sequencing_bonus", "seed=0")
+    plain = "terminal_reward={score: terminal, baseline: none}"  # of T-STAR's controls, which read no others
+    bonus = ("system=policy_sequencing_bonus", "seed=0", plain)
     chained = first.index(("tstar", "seed=0"))
     assert first[chained + 1] == ("policy_sequencing", *bonus, "bonus=0.25")  # what T-STAR paid is known then
     assert pipeline("assemble", "scale=quick", "processes=1") == [("plot",)]
@@ -201,7 +202,7 @@ def test_assemble_runs_every_step_once(pipeline, tmp_path):
     finished.unlink()
     again = pipeline("assemble", "scale=quick", "processes=1")
     assert again == [
-        ("policy_sequencing", "seed=0"),
+        ("policy_sequencing", "seed=0", plain),
         ("evaluate", "system=policy_sequencing", "seed=0"),
         ("plot",),
     ]

@@ -46,7 +46,13 @@ def test_skills_come_before_chains_and_curves_last(steps):
 
 def test_the_constant_bonus_is_what_t_star_was_paid_in_the_same_seed(steps):
     for seed in (3, 4):
-        bonus = ("policy_sequencing", "system=policy_sequencing_bonus", f"seed={seed}", "bonus=0.5")
+        bonus = (
+            "policy_sequencing",
+            "system=policy_sequencing_bonus",
+            f"seed={seed}",
+            "terminal_reward={score: terminal, baseline: none}",  # it reads none of T-STAR's
+            "bonus=0.5",
+        )
         assert steps.index(("tstar", f"seed={seed}")) < steps.index(bonus)
         evaluated = [step[1] for step in steps if step[0] == "evaluate" and f"seed={seed}" == step[-1]]
         names = ("tstar", "policy_sequencing_bonus", "policy_sequencing", "no_finetuning")

@@ -21,14 +21,11 @@ from tstar_rl.config.check import ConfigError, check
 from tstar_rl.config.command_line import command_line, told_in_words
 from tstar_rl.config.ranges import check_machine, check_ranges_of, find
 from tstar_rl.config.schema import SECTIONS, Config
+from tstar_rl.config.unread import ONE_POLICY, check_what_is_not_read
 from tstar_rl.config.values import CONFIGS, plain
 
 __all__ = ["ONE_POLICY", "check_config", "recipe"]
 
-ONE_POLICY = ("bc", "ppo", "gail", "gail_ppo", "spirl")
-"""Recipes that train one policy, of a subtask or of the whole task."""
-WHOLE = ("ablate", "assemble", "baselines", "experiment", "gpu_run")
-"""Recipes that start others for the whole task."""
 OWN_KEYS: dict[str, dict[str, Any]] = {}
 """Of each recipe that was imported, the keys that no other recipe needs to have, and the types of their values."""
 
@@ -97,33 +94,17 @@ def check_config(config: DictConfig, name: str) -> None:
     """Checks all names, types and ranges in the config of the recipe `name`.
 
     Raises:
-        ConfigError: see `check.check` and `ranges.check_ranges_of`; also for an unknown task, a wrong number of
-            subtasks, and unknown settings of the task or values of them.
+        ConfigError: see `check.check`, `ranges.check_ranges_of` and `unread.check_what_is_not_read`; also for an
+            unknown task, a wrong number of subtasks, and unknown settings of the task or values of them.
     """
     values = plain(config)
     check(values, Config, "", OWN_KEYS[name])
     check_ranges_of(values)
-    _check_what_is_not_read(values, name)
+    check_what_is_not_read(values, name)
     if "torchrl" not in sys.modules:
         with imports_not_collected():
             import_module("tstar_rl.config.chain")  # and with it all that training needs
     _check_what_the_library_declares(values)
-
-
-def _check_what_is_not_read(values: dict[str, Any], name: str) -> None:
-    """Refuses values that the recipe `name` would leave unread, and that its config.yaml would say all the same."""
-    chains = "from_checkpoint" in values
-    if values["subtask"] is not None and (chains or name in WHOLE):
-        told = (
-            "chain.links takes the first skills of a chain" if chains else "its steps say which they are of"
-        )
-        raise ConfigError(
-            f"subtask must be null, got {values['subtask']}: {name} is of the whole task; {told}"
-        )
-    trains = name in ONE_POLICY or (chains and name != "exchanged")  # which runs two chains as they are
-    if values["env"].get("max_steps") is not None and trains:
-        limits = "training.max_steps and chain.trial_max_steps" if chains else "training.max_steps"
-        raise ConfigError(f"env.max_steps is not read in training: the time limit there is {limits}")
 
 
 def _check_what_the_library_declares(values: dict[str, Any]) -> None:

@@ -1,0 +1,91 @@
+"""Values that a recipe would leave unread, and that its config.yaml would say all the same: they are refused.
+
+This imports no torch, so that such a mistake is told at once.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+from tstar_rl.config.check import ConfigError
+
+__all__ = ["ONE_POLICY", "check_what_is_not_read"]
+
+ONE_POLICY = ("bc", "ppo", "gail", "gail_ppo", "spirl")
+"""Recipes that train one policy, of a subtask or of the whole task."""
+WHOLE = ("ablate", "assemble", "baselines", "experiment", "gpu_run")
+"""Recipes that start others for the whole task."""
+FINE_TUNING = (
+    "feasibility", "hand_over_value", "in_order", "in_order_cloned", "policy_sequencing", "proximity", "scar_like",
+    "tstar",
+)  # fmt: skip
+"""Our recipes with the turns of a chain. A recipe of a user's own may read anything."""
+PAPERS = {"score": "terminal", "baseline": "none"}
+"""Of terminal_reward: the paper's, which every scale has."""
+LOGGED = 2
+"""chain.logged_skill of every scale, whatever the furniture: where a chain has fewer skills, it logs no states."""
+
+
+def check_what_is_not_read(values: Mapping[str, Any], name: str) -> None:
+    """Refuses values that the recipe `name` would leave unread.
+
+    Raises:
+        ConfigError: for the first; it says what was got, what is valid and where the value belongs.
+    """
+    chains = "from_checkpoint" in values
+    if values["subtask"] is not None and (chains or name in WHOLE):
+        told = (
+            "chain.links takes the first skills of a chain" if chains else "its steps say which they are of"
+        )
+        raise ConfigError(
+            f"subtask must be null, got {values['subtask']}: {name} is of the whole task; {told}"
+        )
+    trains = name in ONE_POLICY or (chains and name != "exchanged")  # which runs two chains as they are
+    if values["env"].get("max_steps") is not None and trains:
+        limits = "training.max_steps and chain.trial_max_steps" if chains else "training.max_steps"
+        raise ConfigError(f"env.max_steps is not read in training: the time limit there is {limits}")
+    _check_rewards(values, name)
+    if name in FINE_TUNING:
+        _check_chain(values, name)
+
+
+def _check_rewards(values: Mapping[str, Any], name: str) -> None:
+    weights, reward = values["reward"].get("weights") or {}, values["terminal_reward"]
+    if name == "ppo" and weights.get("gail"):
+        raise ConfigError(
+            f"reward.weights.gail must be 0 for ppo, which makes no such reward; gail_ppo does; got {weights['gail']}"
+        )
+    if name == "proximity" and weights.get("tsr"):
+        raise ConfigError(
+            "reward.weights.tsr must be 0 for proximity, whose signal is paid by reward.weights.proximity; "
+            f"got {weights['tsr']}"
+        )
+    given = {key: reward[key] for key, papers in PAPERS.items() if reward.get(key, papers) != papers}
+    if name in ("policy_sequencing", "proximity") and given:
+        said = ", ".join(f"terminal_reward.{key}={value}" for key, value in given.items())
+        raise ConfigError(
+            f"{name} does not read terminal_reward, got {said}; tstar, scar_like, feasibility and hand_over_value do"
+        )
+
+
+def _check_chain(values: Mapping[str, Any], name: str) -> None:
+    chain, subtasks = values["chain"], values["task"]["subtasks"]
+    turns = chain["rounds"] * (chain["links"] or subtasks)
+    if not chain["gate"] and chain["trial_every"] > turns:
+        raise ConfigError(
+            f"chain.trial_every must be at most {turns}, the turns of this chain, got {chain['trial_every']}: "
+            "without a trial there is no best checkpoint"
+        )
+    if chain["path_steps"] and name != "proximity":
+        raise ConfigError(
+            f"chain.path_steps must be 0 for {name}, got {chain['path_steps']}: of the recipes with turns, "
+            "proximity alone learns from paths"
+        )
+    if chain["logged_states"] and chain["logged_skill"] >= max(subtasks, LOGGED + 1):
+        raise ConfigError(
+            f"chain.logged_skill must be in 0..{subtasks - 1} for {values['task']['name']}, got {chain['logged_skill']}"
+        )
+    if values.get("demonstrated_ends") and values["skills"].partition("_")[0] != "bc":
+        raise ConfigError(
+            f"skills must be clones, bc or bc_<...>, got {values['skills']}: what demonstrated_ends makes anew is "
+            "cloned over a skill, and the normaliser of its networks is fitted again; or set demonstrated_ends=0"
+        )
