@@ -33,7 +33,7 @@ def test_successes_reach_the_sets(scale, carry_over, point_chain, monkeypatch):
     def note(turn, rollout, row):
         assert rollout.shape == (SIMULATIONS, horizon)
         lengths.extend(rollout["next", "step_count"][rollout["next", "success"]].tolist())
-        added[turn.index] = turn.skill.termination_set.added, turn.skill.initiation_set.added
+        added[turn.index] = len(turn.skill.termination_set), len(turn.skill.initiation_set)
         log(turn, rollout, row)
 
     monkeypatch.setattr(Turn, "log", note)

@@ -105,7 +105,7 @@ def test_starts_of_the_next_skills_turns_join_its_outcomes(point_chain, monkeypa
     def note(turn, rollout, row):
         if turn.index == 1:
             ended = rollout["next", "done"].squeeze(-1) & rollout["start_chained"].squeeze(-1)
-            seen.append((int(ended.sum()), turn.skill.outcomes.added))
+            seen.append((int(ended.sum()), len(turn.skill.outcomes)))
         log(turn, rollout, row)
 
     monkeypatch.setattr(Turn, "log", note)

@@ -117,7 +117,7 @@ def test_which_terminal_states_are_kept(kept_states, point_chain, monkeypatch):
         here = counted.setdefault(turn.index, [0, 0])
         here[0] += int((won & chained).sum())
         here[1] += int(won.sum())
-        counted[turn.index, "added"] = turn.skill.termination_set.added
+        counted[turn.index, "added"] = len(turn.skill.termination_set)
         log(turn, rollout, row)
 
     monkeypatch.setattr(Turn, "log", note)
@@ -134,7 +134,7 @@ def test_where_no_start_is_chained_no_terminal_state_is_kept(point_chain, monkey
     log = Turn.log
 
     def note(turn, rollout, row):
-        added[turn.index] = turn.skill.termination_set.added
+        added[turn.index] = len(turn.skill.termination_set)
         log(turn, rollout, row)
 
     monkeypatch.setattr(Turn, "log", note)

@@ -4,7 +4,7 @@ import pytest
 import torch
 from tensordict import TensorDict, assert_close
 
-from tstar_rl.rollouts.collection import with_starts
+from tstar_rl.rollouts.collection import Collection, with_starts
 from tstar_rl.rollouts.starts import MixedStarts, check_shares, gaussian_counts, make_starts
 from tstar_rl.rollouts.state_sets import TerminationSet
 from tstar_rl.rollouts.terminal_gaussian import TerminalGaussian
@@ -93,6 +93,25 @@ def test_episodes_begin_in_the_shares_of_the_released_code(make_env):
 def test_one_source_needs_no_mixture(shares, kind, probability, make_env):
     source, share = make_starts(shares, make_env(), reached(0.7))
     assert isinstance(source, kind) and share == pytest.approx(probability)
+
+
+def test_the_log_counts_where_episodes_have_begun(make_env, policy):
+    """All of the first rollout in the environment, since the set is empty; of later ones, about a fifth."""
+    states = TerminationSet(100)
+    collection = Collection(with_starts(make_env(num_envs=200), states, 0.8), policy, 3)
+    first = collection.rollout()
+    counts = collection.counts()
+    assert counts["starts_chained"] == 0 and counts["starts_environment"] >= 200
+    states.extend_from(first)
+    before = counts["starts_environment"]
+    begun = 0
+    for _ in range(4):
+        rollout = collection.rollout()
+        begun += int(((rollout["next", "step_count"] == 1) & rollout["start_chained"]).sum())
+    counts = collection.counts()
+    assert 0.7 < counts["starts_chained"] / (sum(counts.values()) - before) < 0.9
+    assert counts["starts_chained"] >= begun > 0  # some begin with the next rollout
+    assert Collection(with_starts(make_env()), policy, 3).counts() == {}
 
 
 def test_only_a_gaussian_counts(make_env):

@@ -12,7 +12,7 @@ from torch import Tensor
 from torchrl.collectors import Collector
 from torchrl.envs import EnvBase, StepCounter, TransformedEnv
 
-from tstar_rl.rollouts.starts import gaussian_counts, load_gaussian_counts
+from tstar_rl.rollouts.starts import gaussian_counts, load_gaussian_counts, start_counts
 from tstar_rl.transforms import EpisodeStart, SkillChainReset
 from tstar_rl.transforms.skill_chain_reset import Starts
 
@@ -95,12 +95,13 @@ class Collection:
 
 
 def counts_of(env: TransformedEnv) -> dict[str, int]:
-    """What is logged of an environment since it was made: what its Gaussian has drawn, and simulations that failed.
+    """What is logged of an environment since it was made.
 
-    "failures" is there once there are some.
+    Where its episodes have begun, what its Gaussian has drawn, and "failures", simulations that failed, once there are
+    some.
     """
     failures = getattr(env.base_env, "failures", 0)
-    return gaussian_counts(env) | ({"failures": failures} if failures else {})
+    return start_counts(env) | gaussian_counts(env) | ({"failures": failures} if failures else {})
 
 
 def state_of(collector: Collector) -> dict[str, Any]:

@@ -23,6 +23,7 @@ __all__ = [
     "load_gaussian_counts",
     "make_starts",
     "sources",
+    "start_counts",
     "termination_sets",
 ]
 
@@ -112,8 +113,19 @@ def make_starts(
 
 def sources(env: TransformedEnv) -> list[Starts]:
     """What the chained starts of an environment are drawn from; nothing without `SkillChainReset`."""
-    resets = [each for each in cast(Compose, env.transform) if isinstance(each, SkillChainReset)]
-    return [each for reset in resets for each in getattr(reset.starts, "sources", [reset.starts])]
+    return [each for reset in _resets(env) for each in getattr(reset.starts, "sources", [reset.starts])]
+
+
+def start_counts(env: TransformedEnv) -> dict[str, int]:
+    """Where an environment's episodes have begun, "starts_environment" and "starts_chained"; nothing without a choice.
+
+    While the set of the skill before is empty, more begin in the environment than its share of chain.starts.
+    """
+    return {f"starts_{name}": count for reset in _resets(env) for name, count in reset.draws.items()}
+
+
+def _resets(env: TransformedEnv) -> list[SkillChainReset]:
+    return [each for each in cast(Compose, env.transform) if isinstance(each, SkillChainReset)]
 
 
 def termination_sets(env: TransformedEnv) -> list[TerminationSet]:

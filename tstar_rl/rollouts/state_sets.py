@@ -52,7 +52,6 @@ class StateSet:
         """Removes all states, in place: whoever holds the set sees it empty."""
         storage = LazyTensorStorage(self.capacity, device=self.device)
         self.buffer = TensorDictReplayBuffer(storage=storage, batch_size=1)
-        self.added = 0
         self.changes += 1
 
     def to(self, device: torch.device | str) -> "StateSet":
@@ -71,7 +70,6 @@ class StateSet:
         if count:
             with _without_notes():
                 self.buffer.extend(rows[-self.capacity :].clone().to(self.device))
-            self.added += count
             self.changes += 1
         return count
 
@@ -95,7 +93,6 @@ class StateSet:
         return {
             "rows": self.all().to_dict() if count else {},
             "count": count,
-            "added": self.added,
             "writer": self.buffer.writer.state_dict(),
         }
 
@@ -113,7 +110,6 @@ class StateSet:
             with _without_notes():
                 self.buffer.extend(TensorDict(state["rows"], batch_size=[count], device=self.device))
         self.buffer.writer.load_state_dict(dict(state["writer"]))
-        self.added = int(state["added"])
 
 
 def _dotted(key: Any) -> str:
