@@ -1,5 +1,7 @@
 """A skill that is cloned again from demonstrations which begin where the skill before ends."""
 
+import shutil
+
 import pytest
 import torch
 from hydra import compose, initialize_config_dir
@@ -11,7 +13,7 @@ from tstar_rl.config import chain
 from tstar_rl.config.values import CONFIGS
 from tstar_rl.demonstrations.data_set import Demonstrations
 
-SHORT = ("skills=gail_ppo", "chain.steps_per_turn=512", "chain.trial_every=100", "bc.epochs=200")
+SHORT = ("chain.steps_per_turn=512", "chain.trial_every=100", "bc.epochs=200")
 
 
 def demonstrations(observations, action=0.0):
@@ -24,8 +26,14 @@ def demonstrations(observations, action=0.0):
 
 
 @pytest.fixture
-def asked(point_chain, monkeypatch):
-    """Runs a recipe; returns what the expert was asked for, the turns as they began, and the old demonstrations."""
+def asked(point_chain, monkeypatch, tmp_path):
+    """Runs a recipe on the point's skills, as clones.
+
+    Returns what the expert was asked for, the turns as they began, and the old demonstrations.
+    """
+
+    made = tmp_path / "runs/table_lack"
+    shutil.move(made / "gail_ppo", made / "bc")
 
     def run(recipe, *values):
         calls, turns = [], []

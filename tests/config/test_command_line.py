@@ -103,11 +103,6 @@ MISTAKES = [
         ["bonus=0.5", "terminal_reward.baseline=running_mean"],
         "policy_sequencing does not read terminal_reward, got terminal_reward.baseline=running_mean; tstar",
     ),
-    (
-        "tstar",
-        ["chain.gate=false", "chain.rounds=2", "chain.links=3", "chain.trial_every=7"],
-        "chain.trial_every must be at most 6, the turns of this chain, got 7: without a trial there is no best",
-    ),
     ("tstar", ["chain.path_steps=8"], "chain.path_steps must be 0 for tstar, got 8: .* proximity alone"),
     ("tstar", ["chain.logged_skill=4"], r"chain.logged_skill must be in 0..3 for table_lack, got 4"),
     ("in_order", ["skills=gail_ppo"], "skills must be clones, bc or bc_<...>, got gail_ppo: .* demonstrated_ends=0"),

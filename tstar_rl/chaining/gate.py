@@ -17,7 +17,8 @@ class GateSettings:
     margin: float
     """Loss of progress that is accepted."""
     trial_every: int
-    """Turns between trials of the chain, where no gate asks for one after each."""
+    """Turns between trials of the chain, where no gate asks for one after each. If there are fewer turns in all,
+    none is run, and no chain is saved as the best."""
 
 
 @dataclass(frozen=True)

@@ -69,12 +69,6 @@ def _check_rewards(values: Mapping[str, Any], name: str) -> None:
 
 def _check_chain(values: Mapping[str, Any], name: str) -> None:
     chain, subtasks = values["chain"], values["task"]["subtasks"]
-    turns = chain["rounds"] * (chain["links"] or subtasks)
-    if not chain["gate"] and chain["trial_every"] > turns:
-        raise ConfigError(
-            f"chain.trial_every must be at most {turns}, the turns of this chain, got {chain['trial_every']}: "
-            "without a trial there is no best checkpoint"
-        )
     if chain["path_steps"] and name != "proximity":
         raise ConfigError(
             f"chain.path_steps must be 0 for {name}, got {chain['path_steps']}: of the recipes with turns, "
