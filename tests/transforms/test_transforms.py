@@ -34,7 +34,7 @@ def steps(observation, following, success=(False, False), **rewards):
     return TensorDict({"observation": column(observation), "next": TensorDict(after, [2])}, [2])
 
 
-def test_gail_reward_of_either_state():
+def test_gail_reward_scores_the_state_that_is_left():
     batch = steps([0.0, 1.0], [3.0, 2.0])
     assert_close(GAILReward(Slot())(batch)["next", "reward_gail"], torch.tensor([[0.75], [1.0]]))
 
