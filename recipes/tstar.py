@@ -31,9 +31,8 @@ def main(config: DictConfig) -> None:
             log = update_f_phi(expert=turn.expert.observations, agent=rollout["observation"])
             if turn.seam:
                 log |= update_d_omega(
-                    initiation=turn.seam.after.initiation_set.observations(),
-                    termination=turn.seam.before.termination_set.observations(),
-                )
+                    **turn.seam.states()
+                )  # I of the skill after the seam, beta of the one before
             log |= update_policy(reward(rollout), turn.progress)
             turn.log(rollout, log)
 

@@ -18,7 +18,7 @@ from omegaconf import DictConfig
 from tstar_rl.config.build import environment
 from tstar_rl.config.load import recipe
 from tstar_rl.config.pretrained import chain_env
-from tstar_rl.rollouts.watching import Signal, d_omega_signal, log_episodes, rows_to_show
+from tstar_rl.rollouts.watching import StepSignal, d_omega_signal, log_episodes, rows_to_show
 from tstar_rl.seeds import evaluation_seed
 from tstar_rl.shipped.catalogue import load_pretrained, pretrained
 
@@ -30,7 +30,7 @@ class Shown(NamedTuple):
     policy: Callable[[Any], Callable]
     success: bool
     settings: Mapping[str, Any] = {}
-    signals: Mapping[str, Signal] = {}
+    signals: Mapping[str, StepSignal] = {}
 
 
 @recipe("watch", path=str, variants=tuple[str, str] | None, noise=float, simulations=int)

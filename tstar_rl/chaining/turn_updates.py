@@ -221,6 +221,6 @@ class TurnUpdates(Training):
 
     def critic_errors(self, rollout: TensorDictBase, scale: float) -> tuple[Tensor, Tensor]:
         """See `signals.critic_errors`; which rows, see `chained`."""
-        ppo, returns = self.settings.ppo, self.skill.return_scale.var.sqrt().clamp_min(1e-8)
-        unit = float(returns) if ppo.normalize_returns else 1.0
+        ppo = self.settings.ppo
+        unit = float(self.skill.return_scale.deviation) if ppo.normalize_returns else 1.0
         return critic_errors(self.chained(rollout), self.skill, ppo.gamma, unit, scale)

@@ -17,6 +17,11 @@ class ReturnScale(nn.Module):
         self.register_buffer("mean", torch.zeros((), dtype=torch.float64))
         self.register_buffer("var", torch.ones((), dtype=torch.float64))
 
+    @property
+    def deviation(self) -> Tensor:
+        """Scalar, by which rewards are divided."""
+        return self.var.sqrt().clamp_min(1e-8)
+
     @torch.no_grad()
     def forward(self, reward: Tensor, done: Tensor, carried: Tensor, gamma: float) -> tuple[Tensor, Tensor]:
         """reward, done: (N, T, 1), carried: (N, 1) returns so far -> scaled reward (N, T, 1), carried (N, 1)."""
@@ -26,7 +31,7 @@ class ReturnScale(nn.Module):
             returns.append(carried)
             carried = carried * ~done[:, t]
         self._update(torch.stack(returns, 1).double())
-        return (reward / self.var.sqrt().clamp_min(1e-8)).to(reward.dtype), carried
+        return (reward / self.deviation).to(reward.dtype), carried
 
     def _update(self, rows: Tensor) -> None:
         total = self.count + rows.numel()

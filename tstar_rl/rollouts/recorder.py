@@ -6,7 +6,7 @@ from typing import Any
 
 from tensordict import TensorDictBase
 
-from tstar_rl.rollouts.watching import EpisodeLog, Signal
+from tstar_rl.rollouts.watching import EpisodeLog, StepSignal
 
 __all__ = ["Recorder"]
 
@@ -32,7 +32,7 @@ class Recorder:
         self,
         env: Any,
         number: int | None = None,
-        signals: Mapping[str, Signal] | None = None,
+        signals: Mapping[str, StepSignal] | None = None,
         enough: int | None = None,
     ) -> None:
         if number is not None and number < 0:

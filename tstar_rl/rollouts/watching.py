@@ -10,9 +10,9 @@ from torchrl.envs import ExplorationType, TransformedEnv, set_exploration_type
 
 from tstar_rl.rollouts.episodes import run_episodes
 
-__all__ = ["EpisodeLog", "Signal", "d_omega_signal", "log_episodes", "record_episode", "rows_to_show"]
+__all__ = ["EpisodeLog", "StepSignal", "d_omega_signal", "log_episodes", "record_episode", "rows_to_show"]
 
-Signal = Callable[[TensorDictBase], Tensor]
+StepSignal = Callable[[TensorDictBase], Tensor]
 """From the TensorDict of a step, batch [n], to (n,): a number worth showing, NaN where there is none."""
 
 _EACH_STATE = ("subtask", "phase")
@@ -34,7 +34,7 @@ class EpisodeLog:
         self,
         env: Any,
         number: int | None = None,
-        signals: Mapping[str, Signal] | None = None,
+        signals: Mapping[str, StepSignal] | None = None,
         enough: int | None = None,
     ) -> None:
         self.env, self.number, self.signals, self.enough = env, number, dict(signals or {}), enough
@@ -104,7 +104,7 @@ class EpisodeLog:
         return torch.stack([values[row] for values in kept[:length]])
 
 
-def d_omega_signal(following: Sequence[Callable[[Tensor], Tensor]]) -> Signal:
+def d_omega_signal(following: Sequence[Callable[[Tensor], Tensor]]) -> StepSignal:
     """What d_omega of the next skill says of the state in which a subtask was done, clipped as in its reward.
 
     Args:
@@ -131,7 +131,7 @@ def log_episodes(
     env: TransformedEnv,
     policy: Callable[[TensorDictBase], TensorDictBase],
     number: int | None = None,
-    signals: Mapping[str, Signal] | None = None,
+    signals: Mapping[str, StepSignal] | None = None,
 ) -> EpisodeLog:
     """Runs a deterministic episode of every simulation of `env`, from `with_starts` and with snapshots=True.
 
@@ -152,7 +152,7 @@ def record_episode(
     policy: Callable[[TensorDictBase], TensorDictBase],
     title: str,
     success: bool | None = None,
-    signals: Mapping[str, Signal] | None = None,
+    signals: Mapping[str, StepSignal] | None = None,
 ) -> dict[str, Any]:
     """One episode of a policy for `FurnitureEnv.write_player`; `env`, `policy` and `signals` as in `log_episodes`.
 
