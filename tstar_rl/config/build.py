@@ -158,10 +158,8 @@ def _demonstration_starts(config: DictConfig, expert: Demonstrations) -> Demonst
     training = config.training
     if training.demonstration_starts == 0:
         return None
-    if training.demonstration_steps is None:
-        return DemonstrationStarts(expert)
     limit = training.max_steps * (config.task.subtasks if config.subtask is None else 1)
-    return DemonstrationStarts(expert, limit - training.demonstration_steps)
+    return DemonstrationStarts(expert, limit, training.demonstration_steps)
 
 
 def training_settings(config: DictConfig, **ppo: Any) -> TrainingSettings:

@@ -84,7 +84,8 @@ class TrainingSection:
     demonstration_starts: float
     """Share of the episodes that begin in a state of the demonstrations, drawn uniformly."""
     demonstration_steps: int | None
-    """Steps after which such an episode is truncated; None: after those that the demonstration's own had left."""
+    """Steps after which such an episode is truncated; None: at training.max_steps, with those that the
+    demonstration had made by then."""
 
 
 @dataclass(frozen=True)

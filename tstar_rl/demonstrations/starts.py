@@ -17,7 +17,8 @@ class DemonstrationStarts:
 
     Args:
         demonstrations: whose snapshots are drawn.
-        step_count: that they are given, so that the time limit leaves (limit - step_count) steps. None: their own.
+        limit: of an episode's steps, with those that the demonstration had made; states from beyond it are not drawn.
+        steps: that an episode from there has, whatever the demonstration had made; None: those that the limit leaves.
 
     Raises:
         InvalidValueError: the demonstrations have no states.
@@ -25,15 +26,17 @@ class DemonstrationStarts:
     Source: Peng et al. 2018, DeepMimic, "reference state initialization"; Nair et al. 2018, "resets".
     """
 
-    def __init__(self, demonstrations: Demonstrations, step_count: int | None = None) -> None:
+    def __init__(self, demonstrations: Demonstrations, limit: int, steps: int | None = None) -> None:
         self.snapshots = demonstrations.snapshots
         if self.snapshots.is_empty():
             raise InvalidValueError(
                 "training.demonstration_starts needs demonstrations with full states; these have none: set it to 0"
             )
-        if step_count is not None:
+        if steps is None:
+            self.snapshots = self.snapshots[self.snapshots["task", "episode_step"] < limit]
+        else:
             self.snapshots = self.snapshots.clone()
-            self.snapshots["task", "episode_step"].fill_(step_count)
+            self.snapshots["task", "episode_step"].fill_(limit - steps)
 
     def sample(self, n: int, generator: torch.Generator) -> TensorDictBase:
         """n snapshots, batch size [n]."""
