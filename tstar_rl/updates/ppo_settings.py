@@ -32,7 +32,8 @@ class PPOSettings:
     kl_target: float | None = None
     """Where the last KL of an update is above twice this, the actor's rate is divided by 1.5 for the next one; where it
     is below half of this, it is multiplied by as much, up to the rate itself. As a learned deviation shrinks, the same
-    step of the mean action is a larger KL. None: off."""
+    step of the mean action is a larger KL. None: off. Updates end at `kl_stop`: where it is less than twice this, the
+    rate can hardly fall."""
     critic_warmup: int = 0
     """First updates in which the critic alone is trained."""
     rate_warmup: int = 0
