@@ -144,7 +144,8 @@ class SkillTraining(Training):
         *training: the arguments of `Training`.
         warm_start: clones the demonstrations first; None: no warm start.
         checkpoint_every: environment steps between checkpoints.
-        save: writes the skill as "best" or "last", at a number of steps.
+        save: writes the skill as "best" or "last", at a number of steps. The best is the skill after the update on the
+            rollout that made its mean the best, see docs/decisions/0010-last-and-best.md.
     """
 
     def __init__(
