@@ -25,7 +25,7 @@ def test_signals_fine_tune_a_chain_and_are_judged(tmp_path):
             done = run(recipe, *skills, f"subtask={index}", *own)
             assert done.returncode == 0, done.stderr
     chain = ["chain.links=2", "chain.steps_per_turn=512", "chain.trial_episodes=16"]
-    chain += [f"demonstrations_dir={tmp_path}", *places(tmp_path, "a")]
+    chain += [*skills[:3], *places(tmp_path, "a")]
     for recipe, signal in SIGNALS.items():
         done = run(recipe, *chain)
         assert done.returncode == 0, done.stderr
@@ -40,7 +40,7 @@ def test_signals_fine_tune_a_chain_and_are_judged(tmp_path):
     for index in range(2):
         assert run("bc", *skills, f"subtask={index}").returncode == 0
     for recipe in ("in_order", "in_order_cloned"):
-        done = run(recipe, *chain, "demonstrations.episodes=96", "demonstrations.num_envs=96")
+        done = run(recipe, *chain)
         assert done.returncode == 0, done.stderr
         assert len(load_chain(tmp_path / f"a/runs/table_lack/{recipe}/seed0/last")) == 2
     done = run("evaluate", "system=feasibility", *chain, "evaluation.whole_episodes=4", "video=false")
