@@ -30,9 +30,8 @@ def main(config: DictConfig) -> None:
             skill.termination_set.extend_from(turn.chained(rollout))
             log = update_f_phi(expert=turn.expert.observations, agent=rollout["observation"])
             if turn.seam:
-                log |= update_d_omega(
-                    **turn.seam.states()
-                )  # I of the skill after the seam, beta of the one before
+                # I of the skill after the seam, beta of the one before it
+                log |= update_d_omega(**turn.seam.states())
             log |= update_policy(reward(rollout), turn.progress)
             turn.log(rollout, log)
 

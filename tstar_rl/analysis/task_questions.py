@@ -113,14 +113,13 @@ def _answer(row: pd.Series, margin: float, interval: str) -> str:
     """By the interval of that name."""
     value, low, high = (float(row[name]) for name in ("improvement", f"{interval}_low", f"{interval}_high"))
     tasks, ahead, behind = (int(row[name]) for name in ("tasks", "ahead", "behind"))
+    needed = _wins_needed(tasks)
     if low > NO_DIFFERENCE:
-        needed = _wins_needed(tasks)
         if needed is not None and ahead >= needed:
             return "yes"
         asked = "no number of tasks suffices" if needed is None else f"{needed} are asked"
         return f"not decided; ahead on {ahead} of {tasks} tasks, where {asked}: more seeds do not decide that"
     if high < margin:
-        needed = _wins_needed(tasks)
         worse = high < NO_DIFFERENCE and needed is not None and behind >= needed
         return "no: it does worse" if worse else "no, or not by much"
     times = [
