@@ -114,9 +114,14 @@ def test_as_a_user_sees_it(tmp_path):
     assert first.startswith("subtask of table_lack must be") and second == HINT
 
 
-def test_a_reader_of_the_help_may_stop_early():
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_reader_of_the_help_may_stop_early(unbuffered):
     process = subprocess.Popen(
-        command("bc", "--help"), env=environ(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        command("bc", "--help"),
+        env=environ() | {"PYTHONUNBUFFERED": unbuffered},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
     )
     process.stdout.close()  # before a word of it
     assert process.stderr.read() == "" and process.wait() == 0

@@ -80,7 +80,11 @@ def command_line(body: Body, configs: Path, name: str, check: Check) -> Callable
         try:
             if helps:
                 print(sys.modules[body.__module__].__doc__)
-            start(job)
+            try:
+                start(job)
+            finally:
+                if helps:  # which ends in an exit, where nothing catches that a reader is gone
+                    sys.stdout.flush()
         except BrokenPipeError:
             if not helps:
                 raise
