@@ -21,7 +21,6 @@ from tensordict import TensorDictBase
 from torch import nn
 from tqdm import tqdm
 
-from tstar_rl.analysis.tables import config_of
 from tstar_rl.chaining.chain import ChainPolicy, chain_folders
 from tstar_rl.checks import InvalidValueError, MissingFileError
 from tstar_rl.config.build import environment, load_skill
@@ -33,7 +32,8 @@ from tstar_rl.rollouts.episodes import evaluate, same_policy
 from tstar_rl.rollouts.recorder import Recorder
 from tstar_rl.runs.checkpoint import is_checkpoint
 from tstar_rl.runs.csv_tables import append_rows
-from tstar_rl.runs.run_folder import made_by, note_evaluation, read_run_path, run_path
+from tstar_rl.runs.run_config import note_evaluation, read_config
+from tstar_rl.runs.run_folder import made_by, read_run_path, run_path
 from tstar_rl.seeds import evaluation_seed
 from tstar_rl.shipped.chain import ShippedChain
 
@@ -173,7 +173,7 @@ def _skills(place: Path) -> list[Path]:
 
 def _begun_with(config: DictConfig, results: Path) -> str:
     """The system whose skills a chain began with: as its training noted, or the one asked for without fine-tuning."""
-    noted = config_of(results)
+    noted = read_config(results)
     return config.skills if noted.get("evaluation_only") else noted.get("skills", config.skills)
 
 

@@ -14,7 +14,8 @@ from tstar_rl.config.values import plain
 from tstar_rl.rollouts.episodes import evaluate
 from tstar_rl.rollouts.recorder import Recorder
 from tstar_rl.runs.csv_tables import append_rows
-from tstar_rl.runs.run_folder import note_evaluation, run_path
+from tstar_rl.runs.run_config import note_evaluation
+from tstar_rl.runs.run_folder import run_path
 from tstar_rl.seeds import evaluation_seed
 
 

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
-import yaml
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
@@ -22,6 +21,7 @@ from tstar_rl.config.load import recipe
 from tstar_rl.config.values import plain
 from tstar_rl.launch.steps import evaluated_runs, run_folder
 from tstar_rl.runs.checkpoint import CheckpointMismatchError, differences
+from tstar_rl.runs.run_config import read_config
 from tstar_rl.runs.run_folder import made_by
 from tstar_rl.shipped.chain import save_shipped
 
@@ -64,7 +64,7 @@ def _config_of(results: Path, config: DictConfig) -> dict[str, Any]:
         raise MissingFileError(
             f"no config at {results / 'config.yaml'}: it names the settings and the commit"
         )
-    saved = yaml.safe_load((results / "config.yaml").read_text())
+    saved = read_config(results)
     wanted = plain(config)
     wrong = differences({name: saved[name] for name in SAME}, {name: wanted[name] for name in SAME})
     if wrong:

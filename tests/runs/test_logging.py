@@ -15,7 +15,8 @@ from tstar_rl.analysis.tables import commit_of, short_commit
 from tstar_rl.rollouts.episodes import MODES
 from tstar_rl.runs import versions
 from tstar_rl.runs.csv_tables import MetricsLog, append_rows
-from tstar_rl.runs.run_folder import Place, made_by, note_evaluation, read_run_path, run_path
+from tstar_rl.runs.run_config import note_evaluation
+from tstar_rl.runs.run_folder import Place, made_by, read_run_path, run_path
 from tstar_rl.seeds import EVALUATIONS, derive_seed, evaluation_seed
 
 

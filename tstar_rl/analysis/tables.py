@@ -5,19 +5,17 @@ whole task; its subtask reads -1.
 """
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
-import yaml
 from numpy.typing import NDArray
 
+from tstar_rl.runs.run_config import read_config
 from tstar_rl.runs.run_folder import read_run_path
 from tstar_rl.runs.versions import DIRTY, UNKNOWN
 
 __all__ = [
     "commit_of",
-    "config_of",
     "episode_progress",
     "evaluation_table",
     "is_one_commit",
@@ -28,8 +26,6 @@ __all__ = [
     "short_commit",
     "whole_task",
 ]
-
-LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # libyaml, where it is there, reads ten times faster
 
 
 def read_metrics(root: str | Path = "results") -> pd.DataFrame:
@@ -100,19 +96,13 @@ def _read_one(file: Path, root: Path) -> pd.DataFrame:
     return table.assign(task=place.task, recipe=place.system, seed=place.seed, subtask=subtask)
 
 
-def config_of(folder: Path) -> dict[str, Any]:
-    """The values in a run's config.yaml; none where it has none."""
-    config = folder / "config.yaml"
-    return (yaml.load(config.read_text(), LOADER) or {}) if config.is_file() else {}
-
-
 def commit_of(folder: Path) -> str:
     """The commit that a run's config.yaml names, 40 hex digits; "unknown" where it names none.
 
     "-dirty" follows if the code differed from it. A run that went on, or was evaluated, at another one has both, in
     their order, with "+" between them.
     """
-    config = config_of(folder)
+    config = read_config(folder)
     noted = [config, *config.get("later", [])]
     return "+".join(dict.fromkeys(str(one.get("versions", {}).get("commit", UNKNOWN)) for one in noted))
 

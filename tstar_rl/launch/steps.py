@@ -7,10 +7,8 @@ import re
 from collections.abc import Container, Sequence
 from itertools import product
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
-import yaml
 from hydra import compose
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
@@ -23,6 +21,7 @@ from tstar_rl.config.values import plain
 from tstar_rl.launch.side_by_side import Step
 from tstar_rl.runs.checkpoint import CheckpointMismatchError, differences
 from tstar_rl.runs.run import MACHINE_ONLY
+from tstar_rl.runs.run_config import read_config
 from tstar_rl.runs.run_folder import UNTRAINED, run_path
 
 __all__ = ["evaluated_runs", "is_done", "missing", "passed_on", "run_folder", "step_config", "step_files"]
@@ -139,11 +138,9 @@ def _is_evaluated(config: DictConfig) -> bool:
 
 def _check_config(config: DictConfig, ignored: Sequence[str]) -> None:
     """Raises CheckpointMismatchError if a training has finished with another config; `ignored` sections may differ."""
-    kept = run_folder(config, "results_dir") / "config.yaml"
-    if not kept.is_file():
-        return
-    saved: dict[str, Any] = yaml.safe_load(kept.read_text())
+    results = run_folder(config, "results_dir")
+    saved = read_config(results)
     wanted = {name: value for name, value in plain(config).items() if name in saved and name not in ignored}
     wrong = differences({name: saved[name] for name in wanted}, wanted)
     if wrong:
-        raise CheckpointMismatchError(f"{kept.parent}: {'; '.join(wrong)} (resume=false starts over)")
+        raise CheckpointMismatchError(f"{results}: {'; '.join(wrong)} (resume=false starts over)")

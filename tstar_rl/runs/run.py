@@ -19,7 +19,8 @@ from tqdm import tqdm
 from tstar_rl.runs import checkpoint, lock
 from tstar_rl.runs.csv_tables import LogError, MetricsLog
 from tstar_rl.runs.files import replacing
-from tstar_rl.runs.run_folder import note_resumed, run_path, write_config
+from tstar_rl.runs.run_config import note_resumed, write_config
+from tstar_rl.runs.run_folder import run_path
 
 __all__ = ["MACHINE_ONLY", "Run"]
 

@@ -1,26 +1,18 @@
-"""Where a run lies, which run lies there, and the config.yaml that is kept of it."""
+"""Where a run lies, and which run lies there."""
 
 import re
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
-
-import yaml
+from typing import NamedTuple
 
 from tstar_rl.checks import InvalidValueError
-from tstar_rl.runs.files import replacing, turn_to_write
-from tstar_rl.runs.versions import versions
 
 __all__ = [
     "RECIPES",
     "UNTRAINED",
     "Place",
     "made_by",
-    "note_evaluation",
-    "note_resumed",
     "read_run_path",
     "run_path",
-    "write_config",
 ]
 
 UNTRAINED = "no_finetuning"
@@ -85,47 +77,3 @@ def made_by(path: str | Path) -> str:
         command = f"python recipes/{system}.py task={task}{part} seed={seed}"
         return f": train it first ({command}, with the scale and the folders given here)"
     return f": train system={system} of task={task}{part} seed={seed} first"
-
-
-def write_config(folder: Path, config: Mapping[str, Any]) -> None:
-    """Writes config.yaml: plain values, the versions of what they ran on, and the commit."""
-    with turn_to_write(folder):
-        _replace(folder, {**config, "versions": versions()})
-
-
-def note_resumed(folder: Path, env_steps: int) -> None:
-    """Adds to config.yaml that a run went on with other versions, or at another commit, than it began with.
-
-    Args:
-        folder: of the run's results.
-        env_steps: after which it went on.
-    """
-    _note_later(folder, {"what": "resumed", "env_steps": env_steps})
-
-
-def note_evaluation(folder: Path, config: Mapping[str, Any]) -> None:
-    """Writes an evaluation's config.yaml, unless the folder has that of a training, which stays.
-
-    `evaluation_only: true` in it tells the two apart. It is for what has no training of its own: skills chained as they
-    are, the script. To a training's it adds that it was evaluated with other versions, or at another commit, if so.
-    """
-    file = folder / "config.yaml"
-    if not file.is_file() or yaml.safe_load(file.read_text()).get("evaluation_only"):
-        write_config(folder, {**config, "evaluation_only": True})
-    else:
-        _note_later(folder, {"what": "evaluated"})
-
-
-def _note_later(folder: Path, line: dict[str, Any]) -> None:
-    """Adds a line to `later` in config.yaml, once, if the versions of today are not those that the run began with."""
-    with turn_to_write(folder):
-        file, now = folder / "config.yaml", versions()
-        kept = yaml.safe_load(file.read_text()) if file.is_file() else {}
-        later, line = kept.get("later", []), {**line, "versions": now}
-        if kept.get("versions") != now and line not in later:
-            _replace(folder, {**kept, "later": [*later, line]})
-
-
-def _replace(folder: Path, values: Mapping[str, Any]) -> None:
-    with replacing(folder / "config.yaml") as partial:
-        partial.write_text(yaml.safe_dump(values, sort_keys=False))

@@ -1,0 +1,63 @@
+"""The config.yaml in the folder of a run's results: its values, what they ran on, and the commit."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from tstar_rl.runs.files import replacing, turn_to_write
+from tstar_rl.runs.versions import versions
+
+__all__ = ["note_evaluation", "note_resumed", "read_config", "write_config"]
+
+LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # libyaml, where it is there, reads ten times faster
+
+
+def read_config(folder: Path) -> dict[str, Any]:
+    """The values in a run's config.yaml; none where it has none."""
+    file = folder / "config.yaml"
+    return (yaml.load(file.read_text(), LOADER) or {}) if file.is_file() else {}
+
+
+def write_config(folder: Path, config: Mapping[str, Any]) -> None:
+    """Writes config.yaml: plain values, the versions of what they ran on, and the commit."""
+    with turn_to_write(folder):
+        _replace(folder, {**config, "versions": versions()})
+
+
+def note_resumed(folder: Path, env_steps: int) -> None:
+    """Adds to config.yaml that a run went on with other versions, or at another commit, than it began with.
+
+    Args:
+        folder: of the run's results.
+        env_steps: after which it went on.
+    """
+    _note_later(folder, {"what": "resumed", "env_steps": env_steps})
+
+
+def note_evaluation(folder: Path, config: Mapping[str, Any]) -> None:
+    """Writes an evaluation's config.yaml, unless the folder has that of a training, which stays.
+
+    `evaluation_only: true` in it tells the two apart. It is for what has no training of its own: skills chained as they
+    are, the script. To a training's it adds that it was evaluated with other versions, or at another commit, if so.
+    """
+    file = folder / "config.yaml"
+    if not file.is_file() or read_config(folder).get("evaluation_only"):
+        write_config(folder, {**config, "evaluation_only": True})
+    else:
+        _note_later(folder, {"what": "evaluated"})
+
+
+def _note_later(folder: Path, line: dict[str, Any]) -> None:
+    """Adds a line to `later` in config.yaml, once, if the versions of today are not those that the run began with."""
+    with turn_to_write(folder):
+        kept, now = read_config(folder), versions()
+        later, line = kept.get("later", []), {**line, "versions": now}
+        if kept.get("versions") != now and line not in later:
+            _replace(folder, {**kept, "later": [*later, line]})
+
+
+def _replace(folder: Path, values: Mapping[str, Any]) -> None:
+    with replacing(folder / "config.yaml") as partial:
+        partial.write_text(yaml.safe_dump(values, sort_keys=False))
