@@ -39,6 +39,21 @@ def test_an_arm_may_start_from_other_skills():
     assert all("skills=bc" in step for step in steps[4:]) and "chain.gate=false" in steps[4]
 
 
+def test_an_arm_may_be_one_policy_for_the_whole_task():
+    noisy = {"name": "bc_noisy", "recipe": "bc", "overrides": ["demonstrations.kind=noisy"], "whole": True}
+    experiment = parse_experiment({**SMALL, "arms": [noisy, {"name": "ppo", "recipe": "ppo", "whole": True}]})
+    assert experiment.steps(4, 7) == [
+        ("make_demonstrations", "whole=true"),  # and no skills
+        ("bc", "system=bc_noisy", "demonstrations.kind=noisy"),
+        ("evaluate", "system=bc_noisy", "video=false"),
+        ("ppo", "system=ppo"),
+        ("evaluate", "system=ppo", "video=false"),
+    ]
+    beside_chains = parse_experiment({**SMALL, "arms": [noisy, *SMALL["arms"]]}).steps(2, 7)
+    assert beside_chains[0] == ("make_demonstrations", "whole=true")
+    assert beside_chains[1:3] == [("make_demonstrations", "subtask=0"), ("gail_ppo", "subtask=0")]
+
+
 def test_an_arm_may_have_skills_of_its_own():
     wide = {"name": "no_finetuning_wide", "recipe": "no_finetuning", "skill_overrides": ["env.arm_noise=0.8"]}
     steps = parse_experiment({**SMALL, "arms": [*SMALL["arms"], wide]}).steps(1, 7, ["no_finetuning_wide"])

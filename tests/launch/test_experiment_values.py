@@ -44,6 +44,14 @@ from tstar_rl.launch.experiment_values import parse_experiment
         ({"seeds_by_task": {"toy_table": [7]}}, "seeds_by_task names toy_table; tasks are table_lack"),
         ({"arm": []}, "experiment has no arm; it has name, page, scale"),
         ({"arms": [{"name": "a"}]}, "an arm of the experiment lacks recipe"),
+        (
+            {"arms": [{"name": "a", "recipe": "ppo", "whole": True, "skills": "bc", "bonus_of": "b"}]},
+            "a is one policy for the whole task, which has no bonus_of, skills",
+        ),
+        (
+            {"arms": [{"name": "a", "recipe": "tstar", "whole": True}]},
+            "a is one policy for the whole task, which recipe tstar does not train",
+        ),
         ({"arms": [{"name": "a", "recipe": "tstar"}] * 2}, "two arms of one name: a, a"),
         (
             {"arms": [{"name": "a", "recipe": "no_finetuning"}]},

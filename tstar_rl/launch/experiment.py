@@ -1,7 +1,7 @@
 """A declared experiment: its arms, and the steps that each of its seeds takes.
 
-An arm is a way of chaining, of the same skills unless it says so. The arms of one seed share demonstrations, skills,
-budget and trials. They are evaluated on the same starts.
+An arm is a way of chaining, of the same skills unless it says so, or one policy for the whole task. The arms of one
+seed share demonstrations, skills, budget and trials. They are evaluated on the same starts.
 """
 
 from collections.abc import Container, Iterable, Mapping, Sequence
@@ -21,7 +21,7 @@ BONUS = "bonus_of="
 
 @dataclass(frozen=True)
 class Arm:
-    """One way of chaining."""
+    """One way of chaining, or one policy for the whole task."""
 
     name: str
     recipe: str
@@ -42,6 +42,8 @@ class Arm:
     """Starts from another arm's own skills, and learns from their demonstrations."""
     commit: str | None = None
     """Whose code runs it; None: that of the experiment."""
+    whole: bool = False
+    """One policy learns the whole task: there are no skills, and nothing is chained."""
 
     @property
     def owner(self) -> str | None:
@@ -74,6 +76,9 @@ class Arm:
 
     def steps(self, subtasks: int, demonstrations: str) -> list[Step]:
         """Its training and evaluation, once the skills that it starts from are there; see `own_skills`."""
+        if self.whole:
+            system = f"system={self.name}"
+            return [(self.recipe, system, *self.overrides), ("evaluate", system, "video=false")]
         skills = f"{self.owner}/{self.skills}" if self.owner else self.skills
         values = (f"system={self.name}", f"skills={skills}")
         bonus = () if self.bonus_of is None else (f"{BONUS}{self.bonus_of}",)
@@ -149,8 +154,9 @@ class DeclaredExperiment:
     def steps(self, subtasks: int, seed: int, only: Container[str] | None = None) -> list[Step]:
         """What a seed's arms, or those named, need, each once: demonstrations, skills, then one arm after another."""
         arms = [arm for arm in self.arms_of(seed) if only is None or arm.name in only]
-        sharing, made = [arm for arm in arms if arm.owner is None], f"demonstrations/{self.name}"
-        steps: list[Step] = []
+        sharing = [arm for arm in arms if arm.owner is None and not arm.whole]
+        made = f"demonstrations/{self.name}"
+        steps: list[Step] = [("make_demonstrations", "whole=true")] if any(arm.whole for arm in arms) else []
         for one in (f"subtask={index}" for index in range(subtasks)):
             steps += [("make_demonstrations", one)] if sharing else []
             if any(arm.skills == SKILLS for arm in sharing):

@@ -5,11 +5,15 @@ from typing import Any
 
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.check import check
+from tstar_rl.config.load import ONE_POLICY
 from tstar_rl.config.values import task_section
 from tstar_rl.launch.experiment import Arm, DeclaredExperiment
 from tstar_rl.runs.run_folder import RECIPES, UNTRAINED
 
 __all__ = ["parse_experiment"]
+
+OF_CHAINS = ("bonus_of", "skills", "skill_overrides", "later_skill_overrides", "skills_of")
+"""What an arm of one policy for the whole task cannot say."""
 
 
 def parse_experiment(values: Mapping[str, Any]) -> DeclaredExperiment:
@@ -19,7 +23,8 @@ def parse_experiment(values: Mapping[str, Any]) -> DeclaredExperiment:
         InvalidValueError: for a field that is not known or missing or of another type, a list that is empty or names
             something twice, a task or a recipe that is not there, seeds of a task that is not there, two arms of one
             name, an arm that trains nothing under a name of one that does, an arm whose bonus is that of an arm that
-            does not exist or has other seeds, an arm with the skills of one that has none of its own.
+            does not exist or has other seeds, an arm with the skills of one that has none of its own, an arm of one
+            policy for the whole task that says something of skills.
     """
     check(
         values,
@@ -52,6 +57,8 @@ def _parse_arm(values: Mapping[str, Any], commit: str | None) -> Arm:
     arm = Arm(**_with_tuples(values))
     if arm.recipe == UNTRAINED and not arm.name.startswith(UNTRAINED):
         raise InvalidValueError(f"experiment.arms: {arm.name} trains nothing, so call it {UNTRAINED}...")
+    if arm.whole:
+        _check_whole(arm, [name for name in OF_CHAINS if name in values])
     if arm.seeds is not None:
         _check_seeds(f"experiment.arms: seeds of {arm.name}", arm.seeds)
     for name in (arm.recipe, arm.skills):
@@ -61,6 +68,16 @@ def _parse_arm(values: Mapping[str, Any], commit: str | None) -> Arm:
                 f"experiment.arms: {arm.name} has the recipe {name}; there is no recipes/{name}.py"
             )
     return arm
+
+
+def _check_whole(arm: Arm, of_chains: list[str]) -> None:
+    one = f"experiment.arms: {arm.name} is one policy for the whole task, which"
+    if of_chains:
+        raise InvalidValueError(f"{one} has no {', '.join(of_chains)}")
+    if arm.recipe not in ONE_POLICY:
+        raise InvalidValueError(
+            f"{one} recipe {arm.recipe} does not train; these do: {', '.join(ONE_POLICY)}"
+        )
 
 
 def _check_seeds(where: str, seeds: Any) -> None:
