@@ -1,5 +1,7 @@
 """Batches of the assembly task for tests, one episode of them, and where their parts are."""
 
+import mujoco
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -38,3 +40,21 @@ def relative_poses(world: BatchedEnvironment, step: int) -> Tensor:
     return torch.cat(
         geometry.relative_pose(target[:, :3], target[:, 3:], moving[:, :3], moving[:, 3:]), dim=-1
     )
+
+
+def part_pose(world: BatchedEnvironment, name: str) -> Tensor:
+    """Pose of a part, (N, 7), world: a live view of the simulations' `qpos`."""
+    address = world.model.jnt_qposadr[world.model.joint(name).id]
+    return world.physics.qpos[:, address : address + 7]
+
+
+def site_pose(world: BatchedEnvironment, name: str) -> tuple[Tensor, Tensor]:
+    """Position (N, 3), m, world, and rotation matrix (N, 3, 3) of a site, by MuJoCo's kinematics of `qpos`."""
+    data, found = mujoco.MjData(world.model), []
+    for qpos in world.physics.qpos.cpu().numpy():
+        data.qpos[:] = qpos
+        mujoco.mj_kinematics(world.model, data)
+        site = data.site(name)
+        found.append((site.xpos.copy(), site.xmat.reshape(3, 3).copy()))
+    position, matrix = (torch.from_numpy(np.stack(each)) for each in zip(*found, strict=True))
+    return position, matrix

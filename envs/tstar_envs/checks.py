@@ -7,6 +7,23 @@ import numbers
 from typing import Any
 
 
+def is_finite(value: float) -> bool:
+    """Whether a number is finite and a float can hold it."""
+    try:
+        return math.isfinite(value)
+    except OverflowError:
+        return False
+
+
+def short(value: Any) -> str:
+    """What a message shows of a value."""
+    try:
+        text = repr(value)
+    except ValueError:  # a whole number of more digits than Python prints
+        return "a very long number"
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
 def whole_number(name: str, value: Any, least: int, most: int | None = None) -> int:
     """Returns `value` as an int.
 
@@ -16,7 +33,7 @@ def whole_number(name: str, value: Any, least: int, most: int | None = None) -> 
     number = isinstance(value, (int, numbers.Integral)) and not isinstance(value, bool)
     if not number or int(value) < least or (most is not None and int(value) > most):
         end = "" if most is None else f" to {most}"
-        raise ValueError(f"{name} must be a whole number from {least}{end}, got {value!r}")
+        raise ValueError(f"{name} must be a whole number from {least}{end}, got {short(value)}")
     return int(value)
 
 
@@ -29,7 +46,7 @@ def subtask_number(furniture: str, value: Any, steps: int) -> int | None:
     number = isinstance(value, numbers.Integral) and not isinstance(value, bool)
     if value is not None and not (number and 0 <= int(value) < steps):
         raise ValueError(
-            f"subtask of {furniture} must be None (the whole task) or in 0..{steps - 1}, got {value!r}"
+            f"subtask of {furniture} must be None (the whole task) or in 0..{steps - 1}, got {short(value)}"
         )
     return None if value is None else int(value)
 
@@ -40,6 +57,6 @@ def finite_number(name: str, value: Any) -> float:
     Raises:
         ValueError: it is no number, NaN or infinite.
     """
-    if isinstance(value, bool) or not isinstance(value, numbers.Real) or not math.isfinite(value):
-        raise ValueError(f"{name} must be a finite number, got {value!r}")
+    if isinstance(value, bool) or not isinstance(value, numbers.Real) or not is_finite(value):
+        raise ValueError(f"{name} must be a finite number, got {short(value)}")
     return float(value)

@@ -34,11 +34,11 @@ class Alignment(NamedTuple):
     @property
     def aligned(self) -> Tensor:
         """(N,) bool: the connection rule. The original's projection threshold of 0 always holds."""
-        return (
-            (self.distance < MAX_DISTANCE)
-            & (self.up_cosine > MIN_UP_COSINE)
-            & (self.forward_cosine > MIN_FORWARD_COSINE)
-        )
+        fields = self.distance, self.forward_cosine, self.up_cosine
+        held = [
+            (least < field) & (field < most) for field, (least, most) in zip(fields, ALIGNED, strict=True)
+        ]
+        return held[0] & held[1] & held[2]
 
 
 def align(

@@ -51,7 +51,13 @@ class AssemblyPhysics(Physics):
         self.view.catch_up()
 
     def reset(self, keyframe_id: int | None = None) -> None:
-        """Puts the simulation back to the model's default state, all welds undone."""
+        """Puts the simulation back to the model's default state, all welds undone.
+
+        Raises:
+            ValueError: a keyframe is asked for; the scene has none.
+        """
+        if keyframe_id is not None:
+            raise ValueError(f"the scene has no keyframes: keyframe_id must be None, got {keyframe_id!r}")
         self.view.clear(torch.ones(1, dtype=torch.bool))
         self.view.forward()
 

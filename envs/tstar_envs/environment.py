@@ -39,7 +39,8 @@ class BatchedEnvironment:
     inference tensors, which nobody may write into. What `observation()` and `snapshot()` give are ordinary ones.
 
     A simulation that MuJoCo gives up on ends its own episode as a failure, is counted in `failures` and waits for a
-    reset; the others do not notice. One that fails while an episode's start settles is counted too, and drawn again.
+    reset, failed and unpaid, also if it is stepped; the others do not notice. One that fails while an episode's start
+    settles is counted too, and drawn again.
 
     Args:
         name: furniture, e.g. `table_lack`, or a piece that is not in the library.
@@ -133,12 +134,13 @@ class BatchedEnvironment:
         """Starts new episodes from snapshots, at the beginning of the subtask that each is at.
 
         Raises:
-            ValueError: a snapshot is not one of these simulations, is at another subtask than the environment's, or has
-                nothing left to assemble; `mask` is of another shape or type.
+            ValueError: a snapshot is not one of these simulations, is at another subtask than the environment's, has
+                nothing left to assemble, or was taken before a first reset or of a simulation that was given up; `mask`
+                is of another shape or type.
         """
         mask = self._read(mask)
         snapshot = self._checked(snapshot, mask)
-        self._check.begins(snapshot["task", "subtask"][mask], self.subtask)
+        self._check.begins(snapshot, mask, self.subtask)
         self._put(snapshot, mask)
         self.task.begin_subtask(self.state, mask)
         self.task.begin_episode(self.state, mask)
@@ -177,6 +179,7 @@ class BatchedEnvironment:
 
     def after_step(self, action: Tensor, failed: Tensor) -> None:
         """The part of a step after the simulator's, under actions (N, 9) from `before_step`; `failed` is (N,)."""
+        failed = failed | self.state["failed"]
         if bool(failed.any()):
             self._bury(failed)
         failures = self.task.starts.failures
@@ -214,10 +217,13 @@ class BatchedEnvironment:
         """Puts the simulations of `mask` into the states of `snapshot` (batch N), which any simulator took.
 
         Raises:
-            ValueError: it is no snapshot of so many simulations of this furniture; see `snapshot_check`.
+            ValueError: it is no snapshot of so many simulations of this furniture, or is at a subtask that episodes
+                here never come to; see `snapshot_check`.
         """
         mask = self._read(mask)
-        self._put(self._checked(snapshot, mask), mask)
+        snapshot = self._checked(snapshot, mask)
+        self._check.goes_on(snapshot, mask, self.subtask)
+        self._put(snapshot, mask)
 
     def qpos_of(self, snapshot: TensorDict) -> Tensor:
         """Joint positions (n, nq) of snapshots [n]; see `state_edit`."""
@@ -239,15 +245,17 @@ class BatchedEnvironment:
     def _put(self, snapshot: TensorDict, mask: Tensor) -> None:
         self.physics.set_state(snapshot["physics"], snapshot["welds"], mask)
         assign(self.state, {name: snapshot["task", name] for name in self.state}, mask)
-        self._begun.add(mask)
+        begun = self._check.begun(snapshot)
+        self._begun.remove(mask & ~begun)
+        self._begun.add(mask & begun)
 
     def _read(self, mask: Tensor | None) -> Tensor:
         """A mask of simulations (N,) as a caller gave it; None is all of them."""
         return self._all() if mask is None else read_mask(self.name, mask, self.num_sims)
 
     def _bury(self, failed: Tensor) -> None:
-        """Counts failed simulations and gives them a valid state to wait in for their reset."""
-        self.failures += int(failed.sum())
+        """Gives failed simulations a valid state to wait in for their reset, and counts those that did not wait yet."""
+        self.failures += int((failed & ~self.state["failed"]).sum())
         self.physics.clear(failed)
         self.physics.forward(failed)
 

@@ -30,9 +30,16 @@ def environment_id(furniture: str) -> str:
 
 
 def register() -> None:
-    """Gives Gymnasium an id for every piece of furniture in the library; those it has are left alone."""
+    """Gives Gymnasium an id for every piece of furniture in the library; those it has are left alone.
+
+    Raises:
+        ValueError: two pieces have the same id, such as `stool_1` and `stool1`.
+    """
     for name in library.names():
-        if environment_id(name) not in gymnasium.registry:
+        known = gymnasium.registry.get(environment_id(name))
+        if known is not None and (other := known.kwargs.get("task", name)) != name:
+            raise ValueError(f"{name!r} and {other!r} have the same id, {known.id}: give one another name")
+        if known is None:
             gymnasium.register(
                 environment_id(name),
                 entry_point="tstar_envs.gymnasium_env:GymnasiumEnv",

@@ -62,7 +62,8 @@ class GymnasiumVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, render_mode: str | None = None,
         width: int = 640, height: int = 480, **settings: Any,
     ):  # fmt: skip
-        self.metadata = {**self.metadata, "autoreset_mode": AutoresetMode(autoreset_mode)}
+        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
         chosen = TaskSettings.from_keywords(type(self).__name__, settings)
         self.world = BatchedEnvironment(task, num_envs, subtask, nthread, settings=chosen)
         self.num_envs, self.render_mode = num_envs, render_mode
@@ -99,15 +100,15 @@ class GymnasiumVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         """
         self._check_begun()
         over, values = self._ended, read_actions(self.world, actions, (self.num_envs, NUM_ACTIONS))
-        values[over] = 0.0
-        self.world.step(values)
-        if bool(over.any()):
+        resets = bool(over.any())
+        self.world.step(values, ~over if resets else None)
+        if resets:
             self.world.reset(over)
         state, task = self.world.state, self.world.task
         terminated, truncated = task.get_termination(state)
         rewards = self.reward_scale * task.get_reward(state).numpy()
         self._ended = terminated | truncated
-        final = self._next_episodes() if self.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP else {}
+        final = self._next_episodes() if self.autoreset_mode is AutoresetMode.SAME_STEP else {}
         infos = {**self._infos(torch.ones_like(terminated)), **final}
         return self._observe(), rewards, terminated.numpy(), truncated.numpy(), infos
 
@@ -154,8 +155,7 @@ class GymnasiumVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         return torch.from_numpy(mask.copy())
 
     def _check_begun(self) -> None:
-        resets = self.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
-        waiting = ~self._begun if resets else self._ended
+        waiting = ~self._begun if self.autoreset_mode is AutoresetMode.NEXT_STEP else self._ended
         if bool(waiting.any()):
             rows = waiting.nonzero().flatten().tolist()[:8]
             raise gymnasium.error.ResetNeeded(

@@ -13,6 +13,7 @@ from __future__ import annotations
 import errno
 import functools
 import importlib
+import itertools
 import os
 import shutil
 import subprocess
@@ -155,16 +156,24 @@ def write_png(path: str | Path, image: np.ndarray) -> None:
 def write_mp4(path: str | Path, frames: Iterable[np.ndarray], frames_per_second: float = 20.0) -> None:
     """Writes images (height, width, 3) uint8 as H.264; at 20 a second, 10 Hz control is shown at twice its speed.
 
+    An earlier film at that path stays until there is a first frame. None is left if `frames` raises after that.
+
     Raises:
-        OSError: if the film cannot be written, as on a full disk; none is left then, nor if `frames` raises.
+        ValueError: the path does not end in .mp4, or there are no frames.
+        OSError: if the film cannot be written, as on a full disk; none is left then.
     """
     import imageio.v2 as imageio
 
-    path = Path(path)
+    path, frames = Path(path), iter(frames)
+    if path.suffix.lower() != ".mp4":
+        raise ValueError(f"a film is a file that ends in .mp4, got {str(path)!r}")
+    first = list(itertools.islice(frames, 1))
+    if not first:
+        raise ValueError(f"a film needs at least one frame, got none for {str(path)!r}")
     path.parent.mkdir(parents=True, exist_ok=True)
     film = imageio.get_writer(path, format="FFMPEG", fps=frames_per_second, macro_block_size=8)
     try:
-        for frame in frames:
+        for frame in itertools.chain(first, frames):
             if not _took(film.append_data, frame):  # pyright: ignore[reportAttributeAccessIssue]
                 break
         if _took(film.close) and path.is_file() and b"moov" in path.read_bytes():  # ffmpeg writes that last

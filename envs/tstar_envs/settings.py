@@ -4,17 +4,28 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
-import math
 import numbers
 from collections.abc import Mapping
 from typing import Any
+
+from tstar_envs.checks import is_finite, short
+
+MOST = {
+    "part_noise": 0.25,  # further off, parts lie where the arm does not reach
+    "part_noise_degrees": 180.0,
+    "drop_height": 0.2,  # from there a part falls for 0.2 s of the 0.3 s in which it settles
+    "arm_noise": 1.0,  # the home pose is 1.18 rad from the nearest end of a joint's range
+    "jitter": 0.04,  # 7 cm in all: connectors that are welded 10 cm apart are no connection (`snapshot_check`)
+    "jitter_degrees": 45.0,
+}
+"""The largest value of a setting of the start."""
 
 
 @dataclasses.dataclass(frozen=True)
 class TaskSettings:
     """Settings of an assembly task. Source: docs/task.md unless a line says otherwise.
 
-    Lengths in m, angles in degrees where the name says so.
+    Lengths in m, angles in degrees where the name says so. Settings of the start have an upper bound, `MOST`.
     """
 
     velocity_scale: float = 1.0
@@ -61,17 +72,12 @@ class TaskSettings:
         _check_choice("skipped_phases", self.skipped_phases, ("paid", "unpaid"))
         if not 0 < self.velocity_scale <= 1:
             raise ValueError(f"setting velocity_scale must be in (0, 1], got {self.velocity_scale}")
-        for name in (
-            "part_noise",
-            "part_noise_degrees",
-            "drop_height",
-            "arm_noise",
-            "jitter",
-            "jitter_degrees",
-            "retreat_steps",
-        ):
-            if getattr(self, name) < 0:
-                raise ValueError(f"setting {name} must not be negative, got {getattr(self, name)}")
+        for name in (*MOST, "retreat_steps"):
+            if (value := getattr(self, name)) < 0:
+                raise ValueError(f"setting {name} must not be negative, got {short(value)}")
+        for name, most in MOST.items():
+            if (value := getattr(self, name)) > most:
+                raise ValueError(f"setting {name} must be from 0 to {most:g}, got {short(value)}")
         if self.retreat_steps and self.reset_robot:
             raise ValueError(
                 f"setting retreat_steps={self.retreat_steps} needs reset_robot=false: the arm is put home otherwise"
@@ -107,7 +113,7 @@ class TaskSettings:
         valid = [field.name for field in dataclasses.fields(cls)]
         if name in valid:
             return ""
-        near = difflib.get_close_matches(name, valid, n=1)
+        near = difflib.get_close_matches(str(name), valid, n=1)
         hint = f" (did you mean {near[0]!r}?)" if near else ""
         return f"{name!r}{hint}; valid settings: {', '.join(valid)}"
 
@@ -119,8 +125,8 @@ def _check_type(name: str, value: Any, kind: type) -> None:
     number = kind in (int, float)
     if not isinstance(value, _TYPES[kind]) or (number and isinstance(value, bool)):
         raise ValueError(f"setting {name} must be of type {kind.__name__}, got {value!r}")
-    if number and not math.isfinite(value):
-        raise ValueError(f"setting {name} must be finite, got {value}")
+    if number and not is_finite(value):
+        raise ValueError(f"setting {name} must be finite, got {short(value)}")
 
 
 def _check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:

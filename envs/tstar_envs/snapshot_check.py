@@ -43,6 +43,8 @@ class SnapshotCheck:
         device = tables.initial_pose.device
         self._compiled = torch.tensor(model.eq_data, dtype=torch.float64, device=device)
         self._active = row_slice(model, mujoco.mjtState.mjSTATE_EQ_ACTIVE)
+        self._qpos = row_slice(model, mujoco.mjtState.mjSTATE_QPOS)
+        self._default = torch.tensor(model.qpos0, dtype=torch.float64, device=device)
         self._kinds: dict[Any, tuple[tuple[int, ...], torch.dtype]] = {
             "physics": ((self.num_sims, row_size(model)), torch.float64),
             "welds": ((self.num_sims, *self._compiled.shape), torch.float64),
@@ -131,18 +133,53 @@ class SnapshotCheck:
                 "its welds are those of other furniture, or of an earlier file of this one"
             )
 
-    def begins(self, found: Tensor, subtask: int | None) -> None:
-        """Checks that episodes of `subtask` (None: the whole task) can begin in snapshots that are at `found` (n,).
+    def begun(self, snapshot: TensorDictBase) -> Tensor:
+        """(N,) bool: whether there is an episode, if one that was given up; else joints are as the scene has them."""
+        moved = (snapshot["physics"][:, self._qpos] - self._default).abs().amax(-1) > ROUNDING
+        return moved | snapshot["task", "failed"]
+
+    def begins(self, snapshot: TensorDictBase, mask: Tensor, subtask: int | None) -> None:
+        """Checks that episodes of `subtask` (None: the whole task) can begin in the rows of `mask` (N,).
 
         Raises:
-            ValueError: one is at another subtask, or has nothing left to assemble.
+            ValueError: one is at another subtask, has nothing left to assemble, is of a simulation that was given up,
+                or of one that had not begun.
         """
-        wrong = found >= self.tables.num_steps if subtask is None else found != subtask
+        found = snapshot["task", "subtask"]
+        for none, why in (
+            (snapshot["task", "failed"], "was given up"),
+            (~self.begun(snapshot), "had not begun: call reset() before snapshot()"),
+        ):
+            if bool((none & mask).any()):
+                row = (none & mask).nonzero()[0].item()
+                raise ValueError(
+                    f"no episode of {self.name} can start from the snapshot in simulation {row}: that one {why}"
+                )
+        wrong = mask & (found >= self.tables.num_steps if subtask is None else found != subtask)
         if bool(wrong.any()):
-            asked = "the whole task" if subtask is None else f"subtask {subtask}"
             raise ValueError(
-                f"episodes of {asked} of {self.name} cannot start from snapshots of subtask "
+                f"episodes of {_named(subtask)} of {self.name} cannot start from snapshots of subtask "
                 f"{found[wrong][0].item()}; take states in which a subtask of theirs begins"
+            )
+
+    def goes_on(self, snapshot: TensorDictBase, mask: Tensor, subtask: int | None) -> None:
+        """Checks that episodes of `subtask` (None: the whole task) come to the states in the rows of `mask` (N,).
+
+        Episodes of one subtask are at the next one once they have succeeded.
+
+        Raises:
+            ValueError: one is at another subtask. What was given up, or had not begun, waits for its reset anywhere.
+        """
+        if subtask is None:
+            return
+        task, found = snapshot["task"], snapshot["task", "subtask"]
+        there = (found == subtask) | (task["success"] & (found == subtask + 1))
+        wrong = mask & self.begun(snapshot) & ~task["failed"] & ~there
+        if bool(wrong.any()):
+            raise ValueError(
+                f"episodes of {_named(subtask)} of {self.name} never come to where the snapshot in simulation "
+                f"{wrong.nonzero()[0].item()} is, at subtask {found[wrong][0].item()}; restore it in an environment of "
+                "that subtask, or of the whole task"
             )
 
     def _joins(self, welds: Tensor) -> Tensor:
@@ -150,3 +187,7 @@ class SnapshotCheck:
         moving, target = self.tables.moving_connector[:, :3], self.tables.target_connector[:, :3]
         point = welds[..., 3:6] + geometry.quat_rotate(welds[..., 6:10], moving.expand_as(welds[..., 3:6]))
         return (point - target).norm(dim=-1) < APART
+
+
+def _named(subtask: int | None) -> str:
+    return "the whole task" if subtask is None else f"subtask {subtask}"

@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
-from tstar_envs.gymnasium_shared import INFO
+from tstar_envs.gymnasium_shared import INFO, METADATA
 from tstar_envs.gymnasium_vector_env import GymnasiumVectorEnv
+from tstar_envs.settings import TaskSettings
 
 try:
     from stable_baselines3.common.vec_env import VecEnv
@@ -39,6 +40,8 @@ class StableBaselinesEnv(VecEnv):
         nthread: threads that step the simulations (0: all cores).
         reward_scale: factor of the reward; the paper's policies see 0.05.
         render_mode: `rgb_array`, or None.
+        width: of an image, pixels.
+        height: of an image, pixels.
         **settings: fields of `tstar_envs.settings.TaskSettings`.
 
     Raises:
@@ -48,14 +51,17 @@ class StableBaselinesEnv(VecEnv):
 
     def __init__(
         self, task: str, num_envs: int = 1, subtask: int | None = None, nthread: int = 0, reward_scale: float = 1.0,
-        render_mode: str | None = None, **settings: Any,
+        render_mode: str | None = None, width: int = 640, height: int = 480, **settings: Any,
     ):  # fmt: skip
+        TaskSettings.from_keywords(type(self).__name__, settings)
         self.envs = GymnasiumVectorEnv(
-            task, num_envs, subtask, nthread, reward_scale, AutoresetMode.SAME_STEP, render_mode, **settings
-        )
+            task, num_envs, subtask, nthread, reward_scale, AutoresetMode.SAME_STEP, render_mode, width, height,
+            **settings,
+        )  # fmt: skip
         self._actions: np.ndarray | None = None
         spaces = self.envs.single_observation_space, self.envs.single_action_space
         super().__init__(num_envs, *spaces)  # type: ignore[arg-type]
+        self.metadata |= {"render_fps": METADATA["render_fps"]}  # recorders read it
 
     def reset(self) -> np.ndarray:
         """Starts an episode in every row; float32 (N, O)."""

@@ -43,7 +43,14 @@ class StateEditor:
             `MAX_PENETRATION`, joints within limits, and every active weld joins connectors that are aligned. A
             snapshot that breaks one of these itself, as a finger does that presses on a part, may be replaced by what
             breaks it no more.
+
+        Raises:
+            ValueError: the positions are of another number of snapshots or of another scene.
         """
+        if tuple(qpos.shape) != (wanted := (len(snapshot), self.model.nq)):
+            raise ValueError(
+                f"joint positions of {len(snapshot)} snapshots have shape {wanted}, got {tuple(qpos.shape)}"
+            )
         snapshot, qpos = snapshot.clone(), qpos.to(torch.float64).clone()
         poses = qpos[:, sawyer.NUM_QPOS :].unflatten(-1, (self.tables.num_parts, 7))
         before = self.qpos_of(snapshot).to(torch.float64)

@@ -80,10 +80,34 @@ def test_an_injected_start_of_another_subtask_changes_nothing():
     env, other = make(), make(subtask=1)
     before = env.reset()["observation"]
     other.reset()
-    start = {"snapshot": other.snapshot(), "use": torch.ones(3, 1).bool()}
-    with pytest.raises(ValueError, match="subtask 0 of table_lack cannot start from snapshots of subtask 1"):
-        env.reset(TensorDict({"start": start}, [3]))
-    assert torch.equal(env.world.observation().float(), before)
+    for use in ([[True]] * 3, [[True], [False], [True]]):
+        start = {"snapshot": other.snapshot(), "use": torch.tensor(use)}
+        with pytest.raises(
+            ValueError, match="subtask 0 of table_lack cannot start from snapshots of subtask 1"
+        ):
+            env.reset(TensorDict({"start": start}, [3]))
+        assert torch.equal(env.world.observation().float(), before)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"use": None}, "an injected start needs 'snapshot' and 'use', got no use"),
+        ({"snapshot": None}, "an injected start needs 'snapshot' and 'use', got no snapshot"),
+        ({"use": torch.ones(3, 1)}, r"'start.use' is bool, \(3, 1\), got torch.float32, \(3, 1\)"),
+        (
+            {"goes_on": torch.ones(3, 2).bool()},
+            r"'start.goes_on' is bool, \(3, 1\), got torch.bool, \(3, 2\)",
+        ),
+    ],
+)
+def test_a_start_that_says_too_little_is_refused(change, message):
+    env = make()
+    env.reset()
+    start = {"snapshot": env.snapshot(), "use": torch.ones(3, 1).bool(), **change}
+    given = {name: value for name, value in start.items() if value is not None}
+    with pytest.raises(ValueError, match=message):
+        env.reset(TensorDict({"start": given}, [3]))
 
 
 def test_a_finished_table_is_no_start():

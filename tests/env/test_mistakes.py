@@ -60,6 +60,16 @@ def test_an_action_of_another_shape(env):
         env.step(tensordict.set("action", torch.zeros(2, 8)))
 
 
+@pytest.mark.parametrize("rows", [(slice(1),), (slice(None), slice(-1))], ids=["a row too few", "short rows"])
+def test_positions_of_another_shape(env, rows):
+    snapshot = env.snapshot()
+    qpos = env.qpos_of(snapshot)[rows]
+    with pytest.raises(
+        ValueError, match=r"positions of 2 snapshots have shape \(2, 44\), got \([12], 4[34]\)"
+    ):
+        env.with_qpos(snapshot, qpos)
+
+
 @pytest.mark.parametrize("noise", [-1, float("nan"), float("inf")])
 def test_noise_of_the_expert_that_cannot_be(env, noise):
     with pytest.raises(ValueError, match=f"noise of the expert must be a finite number from 0, got {noise}"):

@@ -26,8 +26,10 @@ def test_a_step_before_a_reset_is_refused():
     world.reset()
     world.step(REST)
     other = BatchedEnvironment("table_lack", 2, 2, nthread=1, seed=0)
-    other.restore(snapshot)  # a state is an episode that goes on
-    other.step(REST)
+    other.restore(snapshot)  # a state is an episode that goes on, if one was begun
+    other.step(REST, torch.tensor([True, False]))
+    with pytest.raises(ValueError, match="begun in simulation 1"):
+        other.step(REST)
 
 
 @pytest.mark.parametrize(

@@ -137,7 +137,7 @@ def test_what_is_written_into_the_data_is_seen_at_once():
     env = load_dm(TASK, 0, seed=2)
     env.reset()
     env.physics.data.qpos[11] += 0.3  # of the first part, z
-    assert env.snapshot()["physics"].tolist() == env.world.physics.state().tolist()
+    assert env.world.qpos_of(env.snapshot())[0].tolist() == env.physics.data.qpos.tolist()
     height = env.physics.data.qpos[11]
     assert float(env.world.physics.qpos[0, 11]) == height
     env.physics.set_control(np.full(9, 0.01))
@@ -151,6 +151,11 @@ def test_a_reset_of_the_physics_ends_with_current_poses():
     with physics.reset_context():
         physics.data.qpos[11] = 0.9
     assert physics.data.xpos[:, 2].max() >= 0.9
+
+
+def test_a_keyframe_that_there_is_not_is_told():
+    with pytest.raises(ValueError, match="no keyframes: keyframe_id must be None, got 7"):
+        load_dm(TASK, 0, seed=2).physics.reset(keyframe_id=7)
 
 
 def test_a_copy_of_the_physics_undoes_all_welds():

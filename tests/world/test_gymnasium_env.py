@@ -44,6 +44,16 @@ def test_ids_are_made_from_names_and_an_import_is_enough():
     assert gymnasium.registry[ID] is before
 
 
+def test_two_names_of_one_id_are_told(monkeypatch):
+    assert environment_id("stool_1") == environment_id("stool1")
+    monkeypatch.setattr("tstar_envs.gymnasium_env.library.names", lambda: ("stool1", "stool_1"))
+    with pytest.raises(
+        ValueError, match="'stool_1' and 'stool1' have the same id, tstar/Stool1-v0: give one"
+    ):
+        tstar_envs.register()
+    del gymnasium.registry["tstar/Stool1-v0"]
+
+
 def test_quaternions_and_phase_are_bounded_where_they_stand_in_the_observation():
     env = gymnasium.make(ID, subtask=0)
     observation, info = env.reset(seed=0)

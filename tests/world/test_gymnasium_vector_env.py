@@ -7,6 +7,7 @@ from gymnasium.utils.env_checker import data_equivalence
 from gymnasium.vector import AutoresetMode
 
 import tstar_envs  # noqa: F401  registers the ids
+from tstar_envs.scene import SUBSTEPS
 
 ID = "tstar/TableLack-v0"
 STILL = {"part_noise": 0.0, "part_noise_degrees": 0.0, "arm_noise": 0.0}
@@ -60,6 +61,29 @@ def test_a_row_that_was_never_reset_does_not_step(mode):
         env.step(np.zeros((2, 9)))
     env.reset(options={"reset_mask": np.array([False, True])})
     env.step(np.zeros((2, 9)))
+
+
+def test_a_step_steps_no_row_that_it_resets():
+    """What would fail there is not counted: that episode is over."""
+    env = make_vec(subtask=0, max_steps=3)
+    env.reset(seed=0)
+    world = env.world
+    env.step(np.zeros((2, 9)))
+    env.reset(options={"reset_mask": np.array([False, True])})
+    while not env.step(np.zeros((2, 9)))[3][0]:
+        pass
+    step = world.physics.step
+
+    def fails_in_the_first(substeps, mask=None):
+        failed = step(substeps, mask)
+        if substeps == SUBSTEPS:  # no parts that settle
+            failed[0] |= mask is None or bool(mask[0])
+        return failed
+
+    world.physics.step = fails_in_the_first
+    _, rewards, *ends, infos = env.step(np.zeros((2, 9)))
+    assert world.failures == 0 and rewards[0] == 0 and rewards[1] != 0 and not np.stack(ends)[:, 0].any()
+    assert world.state["episode_step"].tolist() == [0, 3] and infos["_success"].all()
 
 
 def test_a_step_ignores_the_action_of_a_row_that_it_resets():

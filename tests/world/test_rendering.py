@@ -70,6 +70,21 @@ def test_files_are_written(tmp_path, model, renderer):
         assert np.argmin([abs(frame - drawn).mean() for drawn in frames]) == index
 
 
+@pytest.mark.parametrize(
+    "name, count, message",
+    [
+        ("film.avi", 1, r"ends in .mp4, got '\S+film.avi'"),
+        ("film", 1, r"ends in .mp4, got '\S+film'"),
+        ("film.mp4", 0, r"at least one frame, got none for '\S+film.mp4'"),
+    ],
+)
+def test_a_film_that_cannot_be_leaves_an_earlier_one(tmp_path, name, count, message):
+    (tmp_path / name).write_text("earlier")
+    with pytest.raises(ValueError, match=message):
+        rendering.write_mp4(tmp_path / name, [np.zeros((64, 64, 3), dtype=np.uint8)] * count)
+    assert (tmp_path / name).read_text() == "earlier"
+
+
 def test_what_draws_the_frames_fails_as_itself_and_leaves_no_film(tmp_path):
     def frames():
         yield np.zeros((64, 64, 3), dtype=np.uint8)

@@ -74,10 +74,11 @@ def finished(name: str) -> TensorDict:
     return world.snapshot().set(("task", "subtask"), torch.tensor([4, 4]))
 
 
-def test_finished_pieces_are_told_apart_by_what_their_welds_join(table):
-    table.restore(finished(TABLE))
+def test_finished_pieces_are_told_apart_by_what_their_welds_join():
+    whole = make(2, None)
+    whole.restore(finished(TABLE))
     with pytest.raises(ValueError, match=OTHER):
-        table.restore(finished(CHAIR))
+        whole.restore(finished(CHAIR))
 
 
 @pytest.mark.parametrize(
@@ -93,7 +94,7 @@ def test_finished_pieces_are_told_apart_by_what_their_welds_join(table):
         (lambda s: s.set("welds", torch.nan * s["welds"]), "'welds' of a .* is not finite in simulation 0"),
         (lambda s: s.set("physics", s["physics"].float()), "'physics' of a .* is of torch.float64, got torch.float32"),
         (lambda s: s.set(("task", "subtask"), torch.tensor([0, 2])),
-         r"is of no state of table_lack: at subtask 0 the welds of the steps before it hold, here those of steps "),
+         r"simulation 1 is of no state of table_lack: at subtask 2 the welds of the steps .* those of steps \[\]"),
         (lambda s: s.set(("task", "subtask"), torch.tensor([0, -3])), r"'task\.subtask' .*got -3 in simulation 1"),
         (lambda s: s.set(("task", "subtask"), torch.tensor([5, 0])), r"'task\.subtask' .*got 5 in simulation 0"),
         (lambda s: s.set(("task", "phase"), torch.tensor([0, 12])), r"'task\.phase' .* in 0\.\.7, got 12 in"),
@@ -129,3 +130,30 @@ def test_a_simulation_that_was_given_up_is_restored_without_its_welds():
     world.step(torch.zeros(2, 9, dtype=torch.float64))
     assert world.state["failed"].tolist() == [True, False]
     world.restore(world.snapshot())
+    with pytest.raises(ValueError, match="start from the snapshot in simulation 0: that one was given up"):
+        world.reset_to(world.snapshot())
+    world.reset_to(world.snapshot(), torch.tensor([False, True]))
+
+
+def test_a_simulation_that_had_not_begun_is_no_start_and_has_not_begun_after_it_is_restored():
+    begun, unbegun = make(2, 2), BatchedEnvironment("table_lack", 2, 2)
+    with pytest.raises(ValueError, match="simulation 0: that one had not begun: call reset"):
+        begun.reset_to(unbegun.snapshot())
+    begun.restore(unbegun.snapshot(), torch.tensor([False, True]))
+    with pytest.raises(ValueError, match="no episode of table_lack was begun in simulation 1"):
+        begun.step(torch.zeros(2, 9))
+    begun.step(torch.zeros(2, 9), torch.tensor([True, False]))
+
+
+def test_a_subtask_that_episodes_never_come_to_is_refused():
+    first, third, whole = make(2, 0), make(2, 2), make(2, None)
+    before = first.snapshot()
+    with pytest.raises(
+        ValueError, match="subtask 0 of table_lack never come to .* simulation 0 is, at subtask 2"
+    ):
+        first.restore(third.snapshot())
+    assert torch.equal(first.snapshot()["physics"], before["physics"])
+    whole.restore(third.snapshot())
+    ended = make(2, 1).snapshot()
+    ended["task", "success"] = torch.tensor([True, True])
+    first.restore(ended)  # where an episode of subtask 0 has succeeded

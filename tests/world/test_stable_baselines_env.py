@@ -97,8 +97,15 @@ def test_what_is_of_rows_alone_is_refused():
 
 
 def test_a_mistake_in_a_setting_is_told():
-    with pytest.raises(TypeError, match="velocity_scal"):
+    with pytest.raises(TypeError, match=r"^StableBaselinesEnv\(\) got an unexpected .*'velocity_scal'"):
         StableBaselinesEnv("table_lack", 2, velocity_scal=0.4)
+
+
+def test_a_recorder_knows_how_fast_control_is():
+    """`VecVideoRecorder` reads it there, and takes 30 images a second where there is nothing."""
+    env = StableBaselinesEnv("table_lack", 2, render_mode="rgb_array", width=80, height=60, **SETTINGS)
+    assert (env.envs._camera.width, env.envs._camera.height) == (80, 60)
+    assert env.metadata["render_fps"] == 10 and "rgb_array" in env.metadata["render_modes"]
 
 
 def test_ppo_runs_on_it_and_its_monitor_knows_episodes():

@@ -2,11 +2,12 @@
 
 import warnings
 
+import gymnasium
 import numpy as np
 import pytest
 import torch
 from dm_control.suite.wrappers import action_scale, pixels
-from torchrl.envs import DMControlWrapper, GymEnv, check_env_specs
+from torchrl.envs import DMControlWrapper, GymEnv, GymWrapper, check_env_specs
 
 import tstar_envs
 from tstar_envs import rendering
@@ -37,6 +38,21 @@ def test_torchrls_wrappers_pass_torchrls_check_and_take_seeds(make):
         starts.append(env.reset()["observation"])
     assert torch.equal(starts[0], starts[2]) and not torch.equal(starts[0], starts[1])
     assert env.rollout(9)["next", "reward"].abs().min() > 0
+
+
+@pytest.mark.parametrize("mode", ["SameStep", "Disabled"])
+def test_torchrls_wrapper_takes_a_vector(mode):
+    """Over the ends of two episodes of four steps."""
+    env = GymWrapper(gymnasium.make_vec(ID, 2, subtask=0, max_steps=4, autoreset_mode=mode))
+    check_env_specs(env)
+    steps = env.rollout(9, break_when_any_done=False)
+    assert steps["next", "done"].squeeze(-1).sum(0).tolist() == [0, 0, 0, 2, 0, 0, 0, 2, 0]
+    assert steps["next", "reward"].abs().min() > 0
+
+
+def test_torchrls_wrapper_refuses_a_vector_that_resets_a_step_later():
+    with pytest.raises(RuntimeError, match="one of SAME_STEP or DISABLED.*NEXT_STEP"):
+        GymWrapper(gymnasium.make_vec(ID, 2, subtask=0))
 
 
 def test_torchrls_wrappers_give_the_numbers_of_the_fronts():

@@ -171,19 +171,33 @@ class FurnitureEnv(EnvBase):
         if tensordict is not None and "_reset" in tensordict:
             mask = tensordict["_reset"].reshape(self.num_envs)
         injected = torch.zeros_like(mask)
-        if tensordict is not None and ("start", "use") in tensordict.keys(True):
-            injected = mask & tensordict["start", "use"].reshape(self.num_envs)
-        if bool((mask & ~injected).any()):
-            self.world.reset(mask & ~injected)
-        if bool(injected.any()):
+        if tensordict is not None and "start" in tensordict:
             start = cast(TensorDictBase, tensordict["start"])
-            within = injected & start.get("goes_on", torch.zeros_like(start["use"])).reshape(self.num_envs)
+            use, within = self._which(start)
+            injected, within = mask & use, mask & use & within
+            if bool((injected & ~within).any()):  # first what may be refused
+                self.world.reset_to(start["snapshot"], injected & ~within)
             if bool(within.any()):
                 self.world.restore(start["snapshot"], within)
-            if bool((injected & ~within).any()):
-                self.world.reset_to(start["snapshot"], injected & ~within)
+        if bool((mask & ~injected).any()):
+            self.world.reset(mask & ~injected)
         running = torch.zeros(self.num_envs, 1, dtype=torch.bool, device=self.device)
         return self._observe().update({name: running.clone() for name in DONE_KEYS})
+
+    def _which(self, start: TensorDictBase) -> tuple[Tensor, Tensor]:
+        """Which simulations begin in an injected start, (N,), and which of these go on with its episode, (N,)."""
+        missing = [name for name in ("snapshot", "use") if name not in start]
+        if missing:
+            raise ValueError(
+                f"an injected start needs 'snapshot' and 'use', got no {' and no '.join(missing)}"
+            )
+        masks = {name: start.get(name, torch.zeros_like(start["use"])) for name in ("use", "goes_on")}
+        for name, value in masks.items():
+            if value.dtype != torch.bool or value.numel() != self.num_envs:
+                raise ValueError(
+                    f"'start.{name}' is bool, ({self.num_envs}, 1), got {value.dtype}, {tuple(value.shape)}"
+                )
+        return masks["use"].reshape(self.num_envs), masks["goes_on"].reshape(self.num_envs)
 
     def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
         running = tensordict.get("_step", None)

@@ -40,7 +40,7 @@ def check_furniture(furniture: Furniture) -> None:
     for i, step in enumerate(furniture.steps):
         _check_values(step, f"steps[{i}]")
         _check_step(furniture, step, f"steps[{i}]")
-    _check_tree(furniture)
+    joined_pieces(furniture)
     for field in ("contact_impedance", "weld_impedance"):
         value = getattr(furniture, field)
         if value is not None and not 0 < value < 1:
@@ -100,17 +100,22 @@ def _check_values(step: Step, where: str) -> None:
     check_number(f"{where}.clearance", step.clearance, positive=True, most=0.1)
 
 
-def _check_tree(furniture: Furniture) -> None:
-    """Raises FurnitureError for a step that joins two parts which the steps before made one piece."""
-    piece = {name: frozenset((name,)) for name in furniture.part_names}
+def joined_pieces(furniture: Furniture) -> list[tuple[str, ...]]:
+    """The pieces that the steps leave, each the names of its parts: a single one if everything is joined.
+
+    Raises:
+        FurnitureError: a step joins two parts which the steps before made one piece.
+    """
+    piece = {name: (name,) for name in furniture.part_names}
     for i, step in enumerate(furniture.steps):
         if step.target_part in piece[step.moving_part]:
             raise FurnitureError(
                 f"steps[{i}]: {step.moving_part} and {step.target_part} are one piece by then, "
                 "joined by the steps before"
             )
-        joined = piece[step.moving_part] | piece[step.target_part]
+        joined = piece[step.target_part] + piece[step.moving_part]
         piece |= dict.fromkeys(joined, joined)
+    return list(dict.fromkeys(piece.values()))
 
 
 def _check_step(furniture: Furniture, step: Step, where: str) -> None:

@@ -10,8 +10,9 @@ from typing import Any
 
 import yaml
 
+from tstar_envs.checks import short
 from tstar_envs.furniture.errors import FurnitureError, did_you_mean
-from tstar_envs.furniture.rules import check_lengths, check_number, short
+from tstar_envs.furniture.rules import check_lengths, check_number
 
 _MISSING: Any = object()
 

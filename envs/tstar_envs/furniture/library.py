@@ -23,14 +23,17 @@ from tstar_envs.furniture.schema import (
 from tstar_envs.furniture.shapes import Box, Capsule, Cylinder
 
 DATA = Path(__file__).parent / "data"
-
-
 _NAME = re.compile(r"[a-z0-9]+(_[a-z0-9]+)*")
 
 
 def names() -> tuple[str, ...]:
     """Returns the names that `load` knows: of files whose name is words of small letters and digits, joined by `_`."""
-    return tuple(sorted(path.stem for path in DATA.glob("*.yaml") if _NAME.fullmatch(path.stem)))
+    return tuple(sorted(path.stem for path in DATA.glob("*.yaml") if is_name(path.stem)))
+
+
+def is_name(name: str) -> bool:
+    """Whether a piece of the library may be called `name`."""
+    return _NAME.fullmatch(name) is not None
 
 
 def load(name: str) -> Furniture:
@@ -66,6 +69,8 @@ def read(path: Path) -> Furniture:
         return _furniture(Fields(yaml.safe_load(text), ""), path.stem)
     except UnicodeDecodeError as error:
         raise FurnitureError(f"{path.name}: is not text in UTF-8: {error}") from None
+    except RecursionError:
+        raise FurnitureError(f"{path.name}: lists or mappings are nested too deeply to be read") from None
     except (
         ValueError,
         yaml.YAMLError,

@@ -9,6 +9,7 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+from tstar_envs.checks import is_finite, short
 from tstar_envs.furniture.errors import FurnitureError, did_you_mean
 
 MAX_LENGTH = 2.0
@@ -73,20 +74,3 @@ def check_names(where: str, names: Iterable[Any]) -> None:
         if name in seen:
             raise FurnitureError(f"{where}: two are called {name!r}, expected each name once")
         seen.add(name)
-
-
-def is_finite(value: float) -> bool:
-    """Whether a number is finite and a float can hold it."""
-    try:
-        return math.isfinite(value)
-    except OverflowError:
-        return False
-
-
-def short(value: Any) -> str:
-    """What a message shows of a value."""
-    try:
-        text = repr(value)
-    except ValueError:  # a whole number of more digits than Python prints
-        return "a very long number"
-    return text if len(text) <= 60 else text[:57] + "..."

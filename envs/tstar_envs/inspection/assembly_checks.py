@@ -13,6 +13,9 @@ from tstar_envs.inspection.workshop import FAR, Workshop
 
 WIDEST, NARROWEST, FIRM = 0.079, 0.0145, 0.0175
 """m: between the pads open and closed, and what they hold firmly: docs/decisions/0007-chair.md."""
+SLIPS = 0.005
+"""m: an open finger over no more of a part than that slips down beside it. The script took table_lack's first leg with
+2.5 mm of it under a finger in 4 of 4 episodes, with 5.5 mm in 3, with 15.5 mm in none."""
 MOST_MASS = 5.0
 """kg: what is heavier slips out of the grip."""
 INSIDE, ON_THE_WAY = 0.0005, 0.002
@@ -58,12 +61,7 @@ def _grasp(workshop: Workshop, k: int) -> Found:
             f"hardly press",
         )
     if abs(surfaces[0] - surfaces[1]) > 0.01:
-        off = 500 * abs(surfaces[0] - surfaces[1])
-        yield (
-            False,
-            where,
-            f"its middle is {off:.0f} mm off the middle of the part: one finger pushes it first",
-        )
+        yield _aside(step.moving_part, where, surfaces)
     tilt = abs(float(axis @ np.array(step.grip_angle)))
     if tilt > 0.5:
         yield (
@@ -71,6 +69,20 @@ def _grasp(workshop: Workshop, k: int) -> Found:
             where,
             "the fingers would close along the direction in which the hand comes: turn one of the two",
         )
+
+
+def _aside(part: str, where: str, surfaces: tuple[float, float]) -> tuple[bool, str, str]:
+    """What a grasp beside the middle of a part does; `surfaces` as in `Workshop.thickness`."""
+    off, half = 500 * abs(surfaces[0] - surfaces[1]), WIDEST / 2
+    if -min(surfaces) > half:
+        return (
+            True,
+            where,
+            f"nothing of {part} is between the fingers there: it is {off:.0f} mm beside their middle",
+        )
+    if max(surfaces) > half + SLIPS:
+        return True, where, f"a finger comes down on {part}, whose middle is {off:.0f} mm off the grasp's"
+    return False, where, f"its middle is {off:.0f} mm off the middle of the part: one finger pushes it first"
 
 
 def _reach(workshop: Workshop, k: int) -> Found:

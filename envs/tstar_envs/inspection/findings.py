@@ -12,6 +12,8 @@ from itertools import combinations
 
 import numpy as np
 
+from tstar_envs.furniture import library
+from tstar_envs.furniture.consistency import joined_pieces
 from tstar_envs.furniture.schema import Furniture
 from tstar_envs.inspection.assembly_checks import assembly_findings
 from tstar_envs.inspection.workshop import Workshop
@@ -46,6 +48,17 @@ def inspect(furniture: Furniture) -> list[Finding]:
     return sorted(found, key=lambda finding: not finding.wrong)
 
 
+def _name(workshop: Workshop) -> Iterator[tuple[bool, str, str]]:
+    name = workshop.furniture.name
+    if not library.is_name(name):
+        yield (
+            False,
+            "the file's name",
+            f"{name!r} is no name of a piece of the library, which would not see the file: take words of small "
+            "letters and digits, joined by _",
+        )
+
+
 def _sizes(workshop: Workshop) -> Iterator[tuple[bool, str, str]]:
     for i, part in enumerate(workshop.furniture.parts):
         mass, where = workshop.mass(i), f"parts.{part.name}"
@@ -66,11 +79,13 @@ def _sizes(workshop: Workshop) -> Iterator[tuple[bool, str, str]]:
 
 
 def _unused(workshop: Workshop) -> Iterator[tuple[bool, str, str]]:
-    steps = workshop.furniture.steps
-    used = {name for step in steps for name in (step.moving_part, step.target_part)}
-    for part in workshop.furniture.parts:
-        if part.name not in used:
-            yield False, f"parts.{part.name}", "no step joins it to anything"
+    pieces = joined_pieces(workshop.furniture)
+    several = [piece for piece in pieces if len(piece) > 1]
+    for (alone,) in (piece for piece in pieces if len(piece) == 1):
+        yield False, f"parts.{alone}", "no step joins it to anything"
+    if len(several) > 1:
+        listed = "; ".join(", ".join(piece) for piece in several)
+        yield False, "steps", f"they leave {len(several)} pieces that no step joins: {listed}"
 
 
 def _starts(workshop: Workshop) -> Iterator[tuple[bool, str, str]]:
@@ -102,4 +117,4 @@ def _starts(workshop: Workshop) -> Iterator[tuple[bool, str, str]]:
             )
 
 
-_CHECKS = (_sizes, _unused, _starts, assembly_findings)
+_CHECKS = (_name, _sizes, _unused, _starts, assembly_findings)

@@ -44,15 +44,6 @@ class CpuPhysics:
         self._moving = self.batch.state[:, first:last]  # positions and velocities
         self.batch.forward(stage=_CURRENT)
 
-    def body_pose(self, name: str) -> Tensor:
-        address = self.model.jnt_qposadr[self.model.joint(name).id]
-        return self.qpos[:, address : address + 7]
-
-    def site_pose(self, name: str) -> tuple[Tensor, Tensor]:
-        site = self.model.site(name).id
-        matrices = _shared(self.batch.bind("site_xmat"))[:, site]
-        return _shared(self.batch.bind("site_xpos"))[:, site], matrices.reshape(-1, 3, 3)
-
     def joint_frames(self, count: int) -> tuple[Tensor, Tensor]:
         """World anchors and axes of the first `count` joints, (N, count, 3) each; for the scripted expert."""
         return _shared(self.batch.bind("xanchor"))[:, :count], _shared(self.batch.bind("xaxis"))[:, :count]

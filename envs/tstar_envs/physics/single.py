@@ -45,14 +45,6 @@ class SinglePhysics:
         """What `clear` puts the weld poses back to, (1, welds, W)."""
         self._sensors = _shared(data.sensordata)
 
-    def body_pose(self, name: str) -> Tensor:
-        address = self.model.jnt_qposadr[self.model.joint(name).id]
-        return self.qpos[:, address : address + 7]
-
-    def site_pose(self, name: str) -> tuple[Tensor, Tensor]:
-        site = self.model.site(name).id
-        return _shared(self.data.site_xpos)[:, site], _shared(self.data.site_xmat)[:, site].reshape(-1, 3, 3)
-
     def joint_frames(self, count: int) -> tuple[Tensor, Tensor]:
         return _shared(self.data.xanchor)[:, :count], _shared(self.data.xaxis)[:, :count]
 

@@ -29,14 +29,6 @@ class PhysicsView(Protocol):
         Tensor  # (N, num_welds, W): anchor 3, relative position 3, relative quaternion 4, then torque scale
     )
 
-    def body_pose(self, name: str) -> Tensor:
-        """Pose of a free body, (N, 7): position and quaternion. A live view of `qpos`."""
-        ...
-
-    def site_pose(self, name: str) -> tuple[Tensor, Tensor]:
-        """World position (N, 3) and rotation matrix (N, 3, 3) of a site."""
-        ...
-
     def joint_frames(self, count: int) -> tuple[Tensor, Tensor]:
         """World anchors and axes of the first `count` joints, (N, count, 3) each."""
         ...

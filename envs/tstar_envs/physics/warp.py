@@ -80,14 +80,6 @@ class WarpPhysics:
         self.clear(torch.ones(num_sims, dtype=torch.bool, device=self.device))
         self.forward()
 
-    def body_pose(self, name: str) -> Tensor:
-        address = self.model.jnt_qposadr[self.model.joint(name).id]
-        return self.qpos[:, address : address + 7]
-
-    def site_pose(self, name: str) -> tuple[Tensor, Tensor]:
-        site = self.model.site(name).id
-        return self._follow("site_xpos")[:, site], self._follow("site_xmat")[:, site]
-
     def joint_frames(self, count: int) -> tuple[Tensor, Tensor]:
         return self._follow("xanchor")[:, :count], self._follow("xaxis")[:, :count]
 

@@ -68,6 +68,11 @@ class Episode:
             "series": {name: [_number(v) for v in values] for name, values in self.series.items()},
         }
 
+    def least_subtasks(self) -> int:
+        """How many subtasks its task has, at least: those that were begun; a success ends at their number."""
+        begun, last = int(self.subtask[:-1].max()) + 1, int(self.subtask[-1])
+        return max(begun, last if self.success else last + 1)
+
     def _checked(self, name: str, values: Sequence[float] | np.ndarray, length: int) -> np.ndarray:
         array = np.asarray(values)
         if array.shape != (length,):

@@ -32,7 +32,7 @@ def write_player(
         path: of the file; its folder is made.
         model: of which the episodes' positions are; see `look.build_drawn_model`.
         episodes: at least one. The first two are shown; with more of them each side can be switched.
-        subtasks: names of the subtasks, in order; left out, they are numbered.
+        subtasks: names of the subtasks, in order; left out, they are numbered, as many as the episodes show.
         phases: names of the phases of a subtask, in order; left out, they are numbered.
         title: of the page.
         step_seconds: how long a step takes, s.
@@ -49,6 +49,7 @@ def write_player(
         "title": title,
         "stepSeconds": step_seconds,
         "subtasks": list(subtasks),
+        "subtaskCount": len(subtasks) or max(episode.least_subtasks() for episode in episodes),
         "phases": list(phases),
         "scene": scene(model),
         "episodes": [episode.to_plain(model) for episode in episodes],

@@ -162,20 +162,23 @@ class Assembly(BatchedTask):
         if self.settings.reset_robot:
             self.starts.home_robot(mask)
         elif self.settings.retreat_steps:
-            self._draw_back(state, mask)
+            mask = mask & ~self._draw_back(state, mask)
         self.physics.forward(mask)
         state["subtask"] = state["subtask"] + mask
         state["completed"] = state["completed"] + mask
         self.begin_subtask(state, mask)
 
-    def _draw_back(self, state: EpisodeState, mask: Tensor) -> None:
-        """Lets go and draws the arm back; a simulation that fails on the way ends its episode as a failure."""
+    def _draw_back(self, state: EpisodeState, mask: Tensor) -> Tensor:
+        """Lets go and draws the arm back; those that fail on the way, (N,), end their episode as any failure does."""
         home, steps = self.starts.home, self.settings.retreat_steps
         failed = draw_back(self.physics, home, self._speeds, steps, mask)
         if bool(failed.any()):
             self.starts.failures += int(failed.sum())
             self.physics.clear(failed)
+            self.physics.forward(failed)
             state["failed"], state["success"] = state["failed"] | failed, state["success"] & ~failed
+            state["reward"] = state["reward"] * ~failed
+        return failed
 
 
 _WHOLE = ("subtask", "phase", "episode_step", "completed")

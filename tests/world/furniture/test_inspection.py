@@ -1,5 +1,7 @@
 """What the check of a furniture file says: each broken value is named, in words that say what to do."""
 
+import copy
+
 import pytest
 import yaml
 
@@ -7,7 +9,7 @@ from tstar_envs.furniture import library
 from tstar_envs.inspection import inspect, try_out
 
 
-@pytest.mark.parametrize("name", ["table_lack", "table_dockstra"])
+@pytest.mark.parametrize("name", library.names())
 def test_nothing_is_wrong_with_a_piece_of_the_library(name):
     assert not [str(finding) for finding in inspect(library.load(name)) if finding.wrong]
 
@@ -18,6 +20,19 @@ def _leg(data, **fields):
 
 def _step(data, **fields):
     data["steps"][0].update(fields)
+
+
+def _grasp_beside(data, off):
+    """A grasp of 40 mm across a leg of 30 mm, `off` m beside its middle."""
+    _leg(data, grasps=[{"left": [off - 0.02, 0, 0], "right": [off + 0.02, 0, 0]}])
+
+
+def _second_top(data):
+    """Two legs go onto another top."""
+    top = copy.deepcopy(data["parts"]["table_top"])
+    data["parts"]["other_top"] = top | {"initial_pose": [0.7, 0.3, 0.02, 0, 1, 0, 0]}
+    for step in data["steps"][2:]:
+        step["target_part"] = "other_top"
 
 
 def _under_a_roof(data):
@@ -53,6 +68,11 @@ def _under_a_roof(data):
          "steps[0].grasp", "nothing of leg_2 is between the fingers"),
         (lambda d: _leg(d, grasps=[{"left": [0, 0, 0], "right": [0.04, 0, 0]}]), False,
          "steps[0].grasp", "20 mm off the middle"),
+        (lambda d: _grasp_beside(d, 0.028), False, "steps[0].grasp", "28 mm off the middle"),
+        (lambda d: _grasp_beside(d, 0.04), True, "steps[0].grasp",
+         "a finger comes down on leg_2, whose middle is 40 mm off the grasp's"),
+        (lambda d: _grasp_beside(d, -0.07), True, "steps[0].grasp",
+         "nothing of leg_2 is between the fingers there: it is 70 mm beside their middle"),
         (lambda d: _leg(d, grasps=[{"left": [0, -0.02, 0], "right": [0, 0.02, 0]}]), True,
          "steps[0].grasp", "close along the direction in which the hand comes"),
         (lambda d: _leg(d, initial_pose=[-1.5, 0.3, 0.015, 0.5, 0.5, 0.5, 0.5]), True,
@@ -72,6 +92,8 @@ def _under_a_roof(data):
         (lambda d: _step(d, waypoint=[0, 0, 0]), False, "steps[0].waypoint", "by nothing"),
         (lambda d: _step(d, insertion=0.02, clearance=0.002), False, "steps[0].clearance", "2 mm of play"),
         (lambda d: d["steps"].pop(), False, "parts.leg_1", "no step joins it"),
+        (_second_top, False, "steps",
+         "they leave 2 pieces that no step joins: other_top, leg_4, leg_1; table_top, leg_2, leg_3"),
     ],
 )  # fmt: skip
 def test_a_broken_value_is_named(table, change, wrong, where, words):

@@ -30,6 +30,14 @@ def test_the_command_refuses_a_file_that_cannot_be_read(table, tmp_path, capsys)
     assert "did you mean 'table_lack'" in capsys.readouterr().out
 
 
+def test_a_name_that_the_library_would_not_see_is_doubtful(table, tmp_path, capsys):
+    odd = table().rename(tmp_path / "My-Table.yaml")
+    assert main(["check", str(odd), "--picture", str(tmp_path / "look.png"), "--episodes", "0"]) == 0
+    said = capsys.readouterr().out
+    assert "doubtful  the file's name: 'My-Table' is no name of a piece of the library" in said
+    assert "words of small letters and digits, joined by _" in said and "nothing is wrong" not in said
+
+
 def test_the_command_tells_what_mujoco_does_not_take(table, capsys):
     path = table(lambda d: d["parts"]["leg_2"].update(boxes=[{"size": [0.0001, 0.0001, 0.0001]}]))
     assert main(["check", str(path)]) == 1
@@ -55,6 +63,10 @@ def test_a_start_in_which_nothing_settles_is_told(table, monkeypatch, capsys):
         (b"z_finedist: 1" + 400 * b"0" + b"\n", "my.yaml: z_finedist: got 1000"),
         (b"z_finedist: 1" + 5000 * b"0" + b"\n", "my.yaml: "),
         (b"z_finedist: 2020-99-99\n", "my.yaml: "),
+        (
+            b"z_finedist: " + 3000 * b"[" + 3000 * b"]" + b"\n",
+            "my.yaml: lists or mappings are nested too deeply",
+        ),
     ],
 )
 def test_the_command_tells_what_yaml_stumbles_over(text, words, tmp_path, capsys):

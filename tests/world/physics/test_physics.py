@@ -145,6 +145,11 @@ def test_a_failed_simulation_ends_alone(field, value, tmp_path, monkeypatch):
     assert row.isfinite().all() and row[1, -1] == 0
     assert torch.equal(row[[0, 2]], wanted[[0, 2]])
 
+    follow(world, [idle(world)] * 2)
+    follow(twin, [idle(twin)] * 2)
+    assert world.state["failed"].tolist() == [False, True, False] and world.failures == 1, "it waits"
+    assert not world.state["reward"][1] and world.state["reward"][0] == twin.state["reward"][0]
+
     world.reset(torch.tensor([False, True, False]))
     for row, wanted in zip(follow(world, [idle(world)] * 3), follow(twin, [idle(twin)] * 3), strict=True):
         assert torch.equal(row[[0, 2]], wanted[[0, 2]]) and row.isfinite().all()

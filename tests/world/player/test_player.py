@@ -114,6 +114,23 @@ def test_a_number_that_there_is_not_is_null(tmp_path):
     assert written["episodes"][0]["reward"] == pytest.approx([0, 1 / 3, 2 / 3], rel=1e-5)
 
 
+@pytest.mark.parametrize(
+    "ends, count",
+    [
+        ([([0, 0, 1], True)], 1),
+        ([([0, 0, 1], False)], 2),
+        ([([0, 0, 0], False), ([0, 0, 1], True)], 1),
+        ([([0, 1, 1], False), ([0, 1, 3], True)], 3),
+        ([([0, 0, 0], True)], 1),
+    ],
+)
+def test_subtasks_without_names_are_counted_over_all_episodes(tmp_path, ends, count):
+    episodes = [episode(ARM, 2, subtask=np.array(subtask), success=success) for subtask, success in ends]
+    assert content(write_player(tmp_path / "a.html", ARM, episodes))["subtaskCount"] == count
+    named = write_player(tmp_path / "b.html", ARM, episodes, subtasks=["a", "b", "c", "d"])
+    assert content(named)["subtaskCount"] == 4
+
+
 def test_mistakes_are_told(tmp_path):
     with pytest.raises(ValueError, match="needs at least one episode, got none"):
         write_player(tmp_path / "a.html", ARM, [])

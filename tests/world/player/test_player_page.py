@@ -1,12 +1,16 @@
 """The player's page in a headless Chromium: it opens from disk, plays, and its last frame shows an assembled table."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import torch
 from assembled import connector_gaps
 from browser import MISSING, Browser, find_chromium
 from matplotlib import image as matplotlib_image
+from test_player import ARM, episode
 
+from tstar_envs.player import write_player
 from tstar_rl import FurnitureEnv
 from tstar_rl.rollouts.collection import with_starts
 from tstar_rl.rollouts.watching import record_episode
@@ -160,3 +164,18 @@ def test_a_click_in_the_timeline_goes_there(page):
     page.mouse("mousePressed", x, y, button="left", buttons=1, clickCount=1)
     page.mouse("mouseReleased", x, y, button="left")
     assert state(page)["time"] == pytest.approx(page.evaluate("player.last") / 2, rel=0.02)
+
+
+def test_two_panes_count_subtasks_alike(page, tmp_path):
+    """A success of one subtask beside a failure, without names: the last state of the success is past them all."""
+    ends = ([0, 0, 1], True), ([0, 0, 0], False)
+    recorded = [episode(ARM, 2, subtask=np.array(subtask), success=success) for subtask, success in ends]
+    texts = "Array.from(document.querySelectorAll('.readout')).map((p) => p.textContent)"
+    back = page.evaluate("location.pathname")
+    page.open(write_player(tmp_path / "a.html", ARM, recorded))
+    try:
+        page.wait_for(f"{texts}.every((text) => text.includes('subtask 1 of 1'))")
+        page.evaluate("player.seek(player.last)")
+        page.wait_for(f"{texts}[0].includes('all subtasks done') && {texts}[1].includes('subtask 1 of 1')")
+    finally:
+        page.open(Path(back))

@@ -4,7 +4,7 @@ import pytest
 import torch
 from torch import Tensor
 from torch.testing import assert_close
-from worlds import make, relative_poses
+from worlds import make, part_pose, relative_poses, site_pose
 
 from tstar_envs import geometry
 from tstar_envs.environment import BatchedEnvironment
@@ -40,11 +40,11 @@ def test_observation_layout():
     assert torch.equal(observation[:, :7], physics.qpos[:, :7])
     assert torch.equal(observation[:, 7:14], physics.qvel[:, :7]) and observation[:, 7:14].abs().min() > 1e-3
     assert torch.equal(observation[:, 14:16], physics.qpos[:, 7:9])
-    position, matrix = physics.site_pose("grip_site")
+    position, matrix = site_pose(world, "grip_site")
     assert_close(observation[:, 16:19], position)
     assert_close(geometry.quat_to_matrix(observation[:, 19:23]), matrix)
     for i, part in enumerate(world.furniture.part_names):
-        assert torch.equal(observation[:, 29 + 7 * i : 36 + 7 * i], physics.body_pose(part))
+        assert torch.equal(observation[:, 29 + 7 * i : 36 + 7 * i], part_pose(world, part))
     assert_close(observation[:, 64:].argmax(-1), world.state["phase"])
     assert_close(observation[:, 64:].sum(-1), torch.ones(4, dtype=torch.float64))
 
@@ -139,10 +139,12 @@ def test_a_simulation_that_fails_while_the_arm_draws_back_ends_its_episode(monke
     monkeypatch.setattr(
         world.physics, "step", lambda n, mask=None: step(n, mask) if mask is None else mask.clone()
     )
-    while not world.state["completed"].any():
+    while not world.state["failed"].any():
         world.step(expert.act(world.state))
     failed = world.state["failed"]
-    assert torch.equal(failed, world.state["completed"] > 0) and world.failures == int(failed.sum())
+    assert world.failures == int(failed.sum())
+    assert not world.state["reward"][failed].any(), "a failure is paid nothing"
+    assert not world.state["completed"].any() and not world.state["subtask"].any()
     assert torch.equal(world.task.get_termination(world.state)[0], failed)
     assert torch.isfinite(world.observation()).all()
 
@@ -196,6 +198,6 @@ def test_a_wrong_connection_ends_the_episode():
 def test_a_disturbed_target_ends_the_episode_where_asked():
     for end in (False, True):
         world = make(1, end_on_disturbance=end)
-        world.physics.body_pose("table_top")[:, 0] += 0.11
+        part_pose(world, "table_top")[:, 0] += 0.11
         world.step(idle(world))
         assert world.state["disturbed"].all() and world.task.get_termination(world.state)[0].item() is end

@@ -15,7 +15,7 @@ function made(tag, parent, properties = {}) {
 
 function describe(episode) {
   const state = episode.state(clock.time);
-  const count = content.subtasks.length || Math.max(...episode.subtask) + 1;
+  const count = content.subtaskCount;
   const parts = [`step ${state.step} of ${episode.steps}`];
   if (state.subtask >= count) parts.push("all subtasks done");
   else {
