@@ -34,7 +34,7 @@ def main(config: DictConfig) -> None:
     from_nothing = not any(folder.exists() for folder in made)  # else steps that are done take no time
 
     def bonus_known(step: Step) -> Step:
-        return with_bonus(step, config.task.name, _seed(step), config.results_dir)
+        return with_bonus(step, config.task.name, _seed(step), config.results_dir, config.runs_dir)
 
     def left(lane: list[Step]) -> list[Step]:
         """The steps that are not done; one whose bonus another is to find follows that one."""

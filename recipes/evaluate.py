@@ -27,7 +27,7 @@ from tstar_rl.config.build import environment, load_skill
 from tstar_rl.config.load import recipe
 from tstar_rl.config.pretrained import take_pretrained
 from tstar_rl.config.values import plain
-from tstar_rl.launch.steps import evaluated_runs, run_folder
+from tstar_rl.launch.steps import check_evaluation, evaluated_runs, run_folder
 from tstar_rl.rollouts.episodes import evaluate, same_policy
 from tstar_rl.rollouts.recorder import Recorder
 from tstar_rl.runs.checkpoint import is_checkpoint
@@ -56,6 +56,7 @@ class Candidate(NamedTuple):
 def main(config: DictConfig) -> None:
     """Evaluates, prints the table and adds it to evaluation.csv."""
     results, candidates = _candidates(config, HydraConfig.get().overrides.task)
+    check_evaluation(results, plain(config))
     rows, policies, film = [], {}, config.video and config.evaluation.recorded != 0
     for name, (policy, subtask, links, spent) in candidates.items():
         number = config.evaluation.episodes if subtask is not None else config.evaluation.whole_episodes
@@ -154,7 +155,7 @@ def _take_from_path(config: DictConfig, given: Iterable[str]) -> Path | None:
         return None
     root = max(around, key=lambda one: len(one.parts))  # one of them may lie in the other
     place, after = read_run_path(path.relative_to(root))
-    names = {value.split("=")[0] for value in given} & {"system", "seed", "subtask"}
+    names = {value.lstrip("+~").split("=")[0] for value in given} & {"system", "seed", "subtask"}
     asked = {"task": config.task.name, **{name: config[name] for name in sorted(names)}}
     for name, value in asked.items():
         found = getattr(place, name)

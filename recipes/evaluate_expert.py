@@ -11,6 +11,7 @@ from omegaconf import DictConfig
 from tstar_rl.config.build import environment
 from tstar_rl.config.load import recipe
 from tstar_rl.config.values import plain
+from tstar_rl.launch.steps import check_evaluation
 from tstar_rl.rollouts.episodes import evaluate
 from tstar_rl.rollouts.recorder import Recorder
 from tstar_rl.runs.csv_tables import append_rows
@@ -24,6 +25,8 @@ def main(config: DictConfig) -> None:
     """Evaluates the whole task and each subtask, or the one asked for; adds rows to their evaluation.csv."""
     asked = [None, *range(config.task.subtasks)] if config.subtask is None else [config.subtask]
     for subtask in asked:
+        results = run_path(config.results_dir, config.task.name, config.system, config.seed, subtask)
+        check_evaluation(results, plain(config))
         number = config.evaluation.whole_episodes if subtask is None else config.evaluation.episodes
         seed = evaluation_seed(config.seed, "deterministic", subtask)
         torch.manual_seed(seed)
@@ -31,7 +34,6 @@ def main(config: DictConfig) -> None:
         env = environment(config, subtask, number, seed, snapshots=recorded != 0)
         recorder = Recorder(env.base_env, recorded)
         row = evaluate(env.base_env.expert(), env, each_step=recorder)
-        results = run_path(config.results_dir, config.task.name, config.system, config.seed, subtask)
         spent = {"env_steps": 0, "minutes": 0.0, "seed": config.seed}
         _write(results, {"checkpoint": "script", "mode": "deterministic", **row, **spent})
         note_evaluation(results, {**plain(config), "subtask": subtask})

@@ -5,17 +5,15 @@
 
 configs/experiment/<name>.yaml has the experiment; the page that it names declares it. A call that ends early, or is
 killed, goes on when it is given again: what is finished is not done again, and a training goes on from its
-checkpoint. All arms come from one commit: where the file names it (`commit`, also of a single arm), its code is checked
-out below <runs_dir>/code and run from there, so that a later checkout goes on with an experiment and changes nothing of
-it. Tables land in results/<name>/; with publish=true those of finished runs are copied to results/published/<name>/.
-With unpublished=true an arm of a seed that lies there is left out; of the rest, what it starts from is made anew,
-which gives the same numbers, to the bit: tables that lie there stay, and other numbers are an error.
+checkpoint. It ends with 75 if the time was over while there is more to do. All arms come from one commit: where the
+file names it (`commit`, also of a single arm), its code is checked out below <runs_dir>/code and run from there, so
+that a later checkout goes on with an experiment and changes nothing of it. Tables land in results/<name>/; with
+publish=true those of finished runs are copied to results/published/<name>/. With unpublished=true an arm of a seed that
+lies there is left out; of the rest, what it starts from is made anew, which gives the same numbers, to the bit: tables
+that lie there stay, and other numbers are an error.
 """
 
-import math
-import subprocess
 import threading
-import time
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
@@ -30,13 +28,11 @@ from tstar_rl.launch.code_of_commit import code_of_commit, configs_of
 from tstar_rl.launch.experiment import DeclaredExperiment, with_bonus, without_bonus
 from tstar_rl.launch.experiment_values import parse_experiment
 from tstar_rl.launch.published import publish
-from tstar_rl.launch.side_by_side import Step, run_recipe, run_side_by_side
+from tstar_rl.launch.side_by_side import Step, run_side_by_side
 from tstar_rl.launch.steps import is_done, passed_on, step_config
-from tstar_rl.runs.versions import commit as commit_here
+from tstar_rl.launch.time_limit import MORE, TimeIsOver, check_goes_on, deadline, run_until
 
 OWN = ("experiment", "processes", "minutes", "publish", "unpublished", "seeds", "tasks", "arms")
-
-OVER = "the time is over"
 
 Planned = tuple[str | None, Step]
 """A step, and the commit whose code runs it; None: the code here."""
@@ -51,33 +47,47 @@ def main(config: DictConfig) -> None:
     if config.experiment is None:
         raise InvalidValueError("say which: experiment=<name> of configs/experiment")
     check_local(config.launch, "experiment.py")
-    declared = parse_experiment(plain(config)["experiment"])
+    if one := [value for value in passed_on(OWN) if value.split("=")[0] in ("seed", "task")]:
+        raise InvalidValueError(
+            f"every lane has a seed and a task of its own: seeds=[...] tasks=[...], not {one[0]}"
+        )
+    if config.minutes is not None:
+        check_goes_on(config.resume, "experiment.py")
+    declared, end = parse_experiment(plain(config)["experiment"]), deadline(config.minutes)
     declared.check_arms(config.arms or ())
-    end = math.inf if config.minutes is None else time.monotonic() + 60 * config.minutes
     published = Path("results/published") / declared.name
     lanes = _lanes(config, declared, published)
-    others = {commit for lane in lanes for commit, _ in lane if commit not in (None, commit_here())}
-    code = {commit: code_of_commit(commit, Path(config.runs_dir) / "code") for commit in sorted(others)}
+    named = {commit for lane in lanes for commit, _ in lane if commit is not None}
+    code = {commit: code_of_commit(commit, Path(config.runs_dir) / "code") for commit in sorted(named)}
     composing = threading.Lock()  # Hydra composes one config at a time
 
     def run(planned: Planned, shared: list[str], line: int) -> None:
         root, step = code.get(planned[0] or ""), planned[1]
         with composing, nullcontext() if root is None else configs_of(root):
             place = step_config(without_bonus(step))
-            step = with_bonus(step, place.task.name, place.seed, place.results_dir, published)
+            step = with_bonus(step, place.task.name, place.seed, place.results_dir, place.runs_dir, published)
             done = is_done(step, ignored=("bonus",))
         if not done:
-            _run_until(end, step, line, root)
+            run_until(end, step, line=line, code=root)
 
+    for commit, step in (
+        lanes[0] if lanes else ()
+    ):  # a mistake in an arm is told before the first arm is trained
+        with nullcontext() if commit is None else configs_of(code[commit]):
+            step_config(without_bonus(step))
+    over = False
     try:
         run_side_by_side(lanes, (), config.processes, run)
     except SystemExit as stop:
-        if set(str(stop).splitlines()) != {OVER}:
+        over = set(str(stop).splitlines()) == {str(TimeIsOver())}
+        if not over:
             raise
-        print("The time is over; the same command goes on.")
     if config.publish:
         first = [*declared.shared(*declared.lanes()[0]), *passed_on(OWN)]
         print("\n".join(map(str, publish(step_config(("gail_ppo",), first).results_dir, published))))
+    if over:
+        print("The time is over; the same command goes on.")
+        raise SystemExit(MORE)
 
 
 def _lanes(config: DictConfig, declared: DeclaredExperiment, published: Path) -> list[list[Planned]]:
@@ -92,17 +102,6 @@ def _lanes(config: DictConfig, declared: DeclaredExperiment, published: Path) ->
         steps = declared.steps_by_commit(subtasks, seed, arms)
         lanes.append([(commit, (step[0], *shared, *step[1:])) for commit, step in steps])
     return lanes
-
-
-def _run_until(end: float, step: Step, line: int, root: Path | None) -> None:
-    """Runs a step; raises SystemExit if it is not done by then, in seconds of the monotonic clock."""
-    left = end - time.monotonic()
-    if left <= 0:
-        raise SystemExit(OVER)
-    try:
-        run_recipe(step, (), line, None if math.isinf(left) else left, root)
-    except subprocess.TimeoutExpired:
-        raise SystemExit(OVER) from None
 
 
 if __name__ == "__main__":

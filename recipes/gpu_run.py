@@ -9,7 +9,6 @@ results/paper_gpu), with the minutes of each step in gpu_run.csv beside them. Ot
 to every step: `scales=[quick] device=cpu` is a look without a GPU.
 """
 
-import subprocess
 import time
 from pathlib import Path
 
@@ -21,14 +20,14 @@ from omegaconf import DictConfig
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.load import recipe
 from tstar_rl.launch.backends import check_local
-from tstar_rl.launch.side_by_side import Step, run_recipe
+from tstar_rl.launch.side_by_side import Step
 from tstar_rl.launch.steps import is_done, passed_on, run_folder, step_config, step_files
+from tstar_rl.launch.time_limit import MORE, TimeIsOver, check_goes_on, deadline, run_until
 from tstar_rl.runs import checkpoint
 from tstar_rl.runs.csv_tables import append_rows
 from tstar_rl.runs.run_folder import run_path
 
 OWN = ("minutes", "scales", "scale", "video")  # values that only this recipe knows
-MORE = 75  # EX_TEMPFAIL: call again
 
 
 @recipe("gpu_run", minutes=float, scales=tuple[str, ...], video=bool)
@@ -37,7 +36,8 @@ def main(config: DictConfig) -> None:
     check_local(config.launch, "gpu_run.py")
     if any(value.startswith("scale=") for value in HydraConfig.get().overrides.task):
         raise InvalidValueError("gpu_run.py takes scales=[...], one after another; leave scale=... out")
-    end, whole = time.monotonic() + 60 * config.minutes, True
+    check_goes_on(config.resume, "gpu_run.py")
+    end, whole = deadline(config.minutes), True
     given = passed_on(OWN)
     for scale in config.scales:
         shared = [f"scale={scale}", *given]
@@ -88,22 +88,22 @@ def _kept(step: Step, config: DictConfig) -> tuple[Path | None, dict[Path, int]]
 
 def _take(step: Step, shared: list[str], end: float, place: DictConfig) -> bool:
     """Takes a step, or as much of it as there is time for; returns whether that was all of it."""
-    began, left = time.monotonic(), end - time.monotonic()
-    if left <= 0:
-        return False
+    began = time.monotonic()
     try:
-        run_recipe(step, shared, seconds=left)
-    except subprocess.TimeoutExpired:
+        run_until(end, step, shared)
+    except TimeIsOver:
         return False
     finally:
-        _note(Path(place.results_dir) / "gpu_run.csv", " ".join(step), (time.monotonic() - began) / 60)
+        _note(place, " ".join(step), (time.monotonic() - began) / 60)
     return True
 
 
-def _note(file: Path, step: str, minutes: float) -> None:
-    """Adds to the minutes that a step has taken, over all slices."""
-    before = pd.read_csv(file).set_index("step")["minutes"].get(step, 0.0) if file.is_file() else 0.0
-    append_rows(file, [{"step": step, "minutes": round(before + minutes, 2)}], ("step",))
+def _note(place: DictConfig, step: str, minutes: float) -> None:
+    """Adds to the minutes that a step of one task and seed has taken, over all slices."""
+    file, key = Path(place.results_dir) / "gpu_run.csv", ("task", "seed", "step")
+    row = (place.task.name, place.seed, step)
+    before = pd.read_csv(file).set_index(list(key))["minutes"].get(row, 0.0) if file.is_file() else 0.0
+    append_rows(file, [{**dict(zip(key, row, strict=True)), "minutes": round(before + minutes, 2)}], key)
 
 
 if __name__ == "__main__":

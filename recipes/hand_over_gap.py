@@ -41,7 +41,7 @@ from tstar_rl.runs.csv_tables import append_rows
 from tstar_rl.seams.exchange import run_from
 from tstar_rl.seams.influence import Influence, influence_of
 from tstar_rl.seams.two_sides import two_sides
-from tstar_rl.seams.what_decides import input_groups, input_names, strongest_input, what_decides
+from tstar_rl.seams.what_decides import input_groups, input_names, one_sided, strongest_input, what_decides
 from tstar_rl.seeds import evaluation_seed
 
 
@@ -125,8 +125,9 @@ def _seam_row(
     names = input_names(parts)
     row["strongest"], row["strongest_area"] = strongest_input(seam.observations, won, names)
     row["split_by"] = by = split_by or row["strongest"]
-    values = seam.observations[:, names.index(by)] if by else seam.observations[:0, 0]
-    row |= two_sides(values.cpu(), won.cpu())._asdict()
+    states = one_sided(seam.observations.float().cpu())  # the numbers whose area is strongest_area
+    values = states[:, names.index(by)] if by else states[:0, 0]
+    row |= two_sides(values, won.cpu())._asdict()
     known = influence or Influence(0, math.nan, math.nan)
     return row | {
         "influence_starts": known.starts,

@@ -162,6 +162,7 @@ def test_an_environment_that_is_not_there_is_named(path, said, message):
         ("num_samples", 2.5, r"has attribute num_samples 2\.5, should be a whole number"),
         ("num_samples", "2", "has attribute num_samples '2', should be a whole number"),
         ("seed", float("nan"), "has attribute seed nan, should be a whole number"),
+        ("seed", 1e308, r"has attribute seed 1e\+308, should be a whole number of 64 bits"),
     ],
 )
 def test_attributes_of_a_demonstration_are_read_strictly(path, name, value, message):
@@ -191,6 +192,21 @@ def test_a_file_that_cannot_be_played_again_says_so(path, recorded, tmp_path):
         read_hdf5(whole)
     with pytest.raises(FileNotFoundError, match="no demonstrations at .*none.hdf5"):
         read_hdf5(tmp_path / "none.hdf5")
+
+
+def test_states_of_another_layout_are_refused(recorded, tmp_path):
+    path = write_hdf5(recorded, tmp_path / "whole.hdf5")
+
+    def rename(file) -> None:
+        layout = file["data"].attrs["state_layout"].replace(b"task/phase", b"task/fase")
+        file["data"].attrs["state_layout"] = layout
+        for demo in file["data"].values():
+            demo.attrs["success"] = True
+
+    with pytest.raises(
+        DemonstrationError, match="not that of a state of .*it differs in task/fase, task/phase"
+    ):
+        read_demonstrations(changed(path, rename))
 
 
 def test_a_damaged_or_short_file_is_refused_by_its_name(recorded, tmp_path):

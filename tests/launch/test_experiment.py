@@ -121,7 +121,7 @@ def test_arms_of_another_commit_come_with_all_that_they_start_from():
         1, 7, ["no_finetuning", "tstar", "paid"]
     )
     assert [step for commit, step in planned if commit == "b"] == experiment.steps(1, 7, ["later"])
-    assert [commit for commit, _ in planned] == sorted(commit for commit, _ in planned) != []
+    assert {commit for commit, _ in planned} == {"a", "b"}
     assert {commit for commit, _ in parse_experiment(SMALL).steps_by_commit(1, 7)} == {None}
 
 
@@ -166,26 +166,49 @@ def test_a_task_may_have_other_seeds_than_the_rest():
 def test_a_bonus_is_known_once_its_arm_is_trained(tmp_path):
     step = ("policy_sequencing", "system=paid", "bonus_of=tstar")
     assert without_bonus(step) == step[:2]
+
+    def known(results: str = "results", published: str | None = None) -> tuple[str, ...]:
+        kept = None if published is None else tmp_path / published
+        return with_bonus(step, "table_lack", 7, tmp_path / results, tmp_path / "runs", kept)
+
     with pytest.raises(
         FileNotFoundError, match=r"train it first \(python recipes/tstar.py task=table_lack seed=7, "
     ):
-        with_bonus(step, "table_lack", 7, tmp_path)
-    folder = tmp_path / "table_lack/tstar/seed7"
-    folder.mkdir(parents=True)
+        known()
+    table, ended = (tmp_path / f"{root}/table_lack/tstar/seed7" for root in ("results", "runs"))
+    for folder in (table, ended):
+        folder.mkdir(parents=True)
     rows = {"episodes": [10, 30], "success_rate": [1.0, 0.5], "tsr_on_success": [0.2, 0.4]}
-    pd.DataFrame(rows).to_csv(folder / "metrics.csv", index=False)
+    pd.DataFrame(rows).to_csv(table / "metrics.csv", index=False)
+    with pytest.raises(FileNotFoundError, match="seed7 has not finished, and decides the bonus"):
+        known()
+    assert known("none", "results") == (*step[:2], "bonus=0.32"), "what is published has finished"
+    (ended / "finished.json").write_text("{}")
     # Ten successes of .2 and fifteen of .4: a mean of 8 / 25.
-    assert with_bonus(step, "table_lack", 7, tmp_path) == (*step[:2], "bonus=0.32")
-    assert with_bonus(step, "table_lack", 7, tmp_path / "none", tmp_path) == (*step[:2], "bonus=0.32")
-    pd.DataFrame({"episodes": [10], "success_rate": [0.0]}).to_csv(folder / "metrics.csv", index=False)
-    assert with_bonus(step, "table_lack", 7, tmp_path) == (*step[:2], "bonus=0.0")
+    assert known() == (*step[:2], "bonus=0.32")
+    pd.DataFrame({"episodes": [10], "success_rate": [0.0]}).to_csv(table / "metrics.csv", index=False)
+    assert known() == (*step[:2], "bonus=0.0")
+
+
+def test_an_arm_with_a_commit_of_its_own_comes_before_the_arm_that_its_bonus_is_for():
+    arms = [
+        {"name": "a", "recipe": "policy_sequencing"},
+        {"name": "paid", "recipe": "policy_sequencing", "bonus_of": "tstar"},
+        {"name": "tstar", "recipe": "tstar", "commit": "2" * 40},
+    ]
+    steps = parse_experiment({**SMALL, "commit": "1" * 40, "arms": arms}).steps_by_commit(1, 7)
+    trained = [step[1] for _, step in steps if step[0] in ("policy_sequencing", "tstar")]
+    assert trained == ["system=a", "system=tstar", "system=paid"]
+    skills = [commit[0] for commit, step in steps if step[0] == "gail_ppo"]
+    assert skills == ["1", "2"], "once with the code of each commit"
+    assert len(set(steps)) == len(steps)
 
 
 @pytest.mark.parametrize("path", sorted((CONFIGS / "experiment").glob("*.yaml")), ids=lambda path: path.stem)
 def test_every_declared_experiment_can_be_run(path):
     """Its page is there, no seed has tuned a setting, and every training step has a config.
 
-    The arms' steps are tried on the first task, and those that all arms share on every task.
+    The arms' steps are tried on the first task, and those of the first arm on every task.
     """
     experiment = parse_experiment(yaml.safe_load(path.read_text()))
     assert (CONFIGS.parent / experiment.page).is_file() and experiment.name == path.stem
@@ -193,8 +216,11 @@ def test_every_declared_experiment_can_be_run(path):
     seed = experiment.seeds[0]
     with initialize_config_dir(str(CONFIGS), version_base="1.3"):
         for task in experiment.tasks:
-            arms = None if task == experiment.tasks[0] else ["no_finetuning"]
-            for step in experiment.steps(1, seed, arms):
+            steps = experiment.steps(
+                1, seed, None if task == experiment.tasks[0] else [experiment.arms[0].name]
+            )
+            assert steps
+            for step in steps:
                 values = [*experiment.shared(task, seed), *without_bonus(step)[1:]]
                 config = compose(f"recipe/{step[0]}", values)
                 assert config.seed == seed and plain(config)["task"]["name"] == task

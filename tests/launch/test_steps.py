@@ -12,11 +12,13 @@ from hydra import initialize_config_dir
 from recipe_runs import load_recipe
 from recorded import leave_demonstrations
 
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.values import CONFIGS, plain
 from tstar_rl.demonstrations.header import DemonstrationError
 from tstar_rl.launch import experiment, steps
 from tstar_rl.launch.steps import is_done, missing, step_config, step_files
 from tstar_rl.runs.checkpoint import CheckpointMismatchError
+from tstar_rl.runs.run_config import note_evaluation
 
 SUBTASKS = 4
 
@@ -72,6 +74,7 @@ def finish(
         results = Path(config.results_dir) / step_files(step, config)[0].parent.relative_to(config.runs_dir)
         results.mkdir(parents=True, exist_ok=True)
         (results / "config.yaml").write_text(yaml.safe_dump(plain(config)))
+        (results / "metrics.csv").write_text("env_steps\n")
 
 
 TRAIN, EVALUATE = ("gail_ppo", "subtask=1"), ("evaluate", "system=gail_ppo", "subtask=1")
@@ -101,6 +104,41 @@ def test_an_evaluation_without_fine_tuning_is_as_old_as_the_newest_skill_allows(
     assert not is_done(step, shared)
     assert not is_done(step, [*shared, "skills=others"])
     assert not is_done(("evaluate", "system=no_finetuning_narrow", "chain.links=2"), shared)
+
+
+def test_an_evaluation_of_another_world_or_of_other_skills_is_not_taken_for_the_one_that_is_asked_for(shared):
+    for index in range(SUBTASKS):
+        finish(("gail_ppo", f"subtask={index}"), shared, at=1)
+        finish(("bc", f"subtask={index}"), shared, at=1)
+    finish(CHAIN, shared, at=1)
+    finish(TRIED, shared, at=2)
+    with pytest.raises(
+        CheckpointMismatchError, match="tstar/seed0 has .*env.part_noise was None .*is 0.06 now"
+    ):
+        is_done(TRIED, [*shared, "+env.part_noise=0.06"])
+    step = ("evaluate", "system=no_finetuning")
+    finish(step, shared, at=2)
+    config = step_config(step, shared)
+    note_evaluation(steps.run_folder(config, "results_dir"), plain(config))
+    assert is_done(step, shared)
+    for other, message in (("skills=bc", "skills was 'gail_ppo'"), ("chain.links=2", "links was None")):
+        with pytest.raises(CheckpointMismatchError, match=f"{message}.*another system=no_finetuning_<name>"):
+            is_done((*step, other), shared)
+    with pytest.raises(InvalidValueError, match="system=gail_ppo subtask=2 is the skill"):
+        steps.evaluated_runs(step_config((*step, "subtask=2"), shared))
+
+
+def test_a_training_whose_tables_are_gone_is_not_done(shared):
+    finish(TRAIN, shared, at=1)
+    (steps.run_folder(step_config(TRAIN, shared), "results_dir") / "metrics.csv").unlink()
+    assert not is_done(TRAIN, shared)
+
+
+def test_a_training_of_spirl_that_may_go_on_is_not_done(shared):
+    step = ("spirl", "subtask=0")
+    finish(step, shared, at=1)
+    assert is_done(step, shared) and is_done((*step, "spirl.total_steps=1"), shared)
+    assert not is_done((*step, "spirl.total_steps=99000000"), shared)
 
 
 def test_an_evaluation_has_all_modes_and_the_episodes_that_are_asked_for(shared):

@@ -22,6 +22,8 @@ def queue(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(ROOT / "recipes")
     import experiment
 
+    from tstar_rl.launch import time_limit
+
     def call(*values: str, takes=lambda step: None) -> list[tuple[Step, float | None, Path | None]]:
         taken = []
 
@@ -29,7 +31,7 @@ def queue(tmp_path, monkeypatch):
             taken.append((step, seconds, code))
             takes(step)
 
-        monkeypatch.setattr(experiment, "run_recipe", run_recipe)
+        monkeypatch.setattr(time_limit, "run_recipe", run_recipe)
         monkeypatch.setattr(experiment, "code_of_commit", lambda commit, folder: ROOT)
         monkeypatch.setattr(sys, "argv", ["experiment.py", *ONE, *values])
         GlobalHydra.instance().clear()
@@ -53,13 +55,17 @@ def test_every_step_of_a_seed_is_run_with_the_code_of_its_commit(queue):
     assert {(seconds, code) for _, seconds, code in taken} == {(None, ROOT)}
 
 
-def test_when_the_time_is_over_it_says_so_and_ends_well(queue, capsys):
+def test_when_the_time_is_over_it_says_so_and_asks_to_be_called_again(queue, capsys):
+    steps = []
+
     def too_long(step):
+        steps.append(step)
         if step[0] == "gail_ppo":
             raise subprocess.TimeoutExpired("gail_ppo", 1.0)
 
-    taken = queue("minutes=60", takes=too_long)
-    assert taken[-1][0][0] == "gail_ppo" and 0 < taken[-1][1] <= 3600
+    with pytest.raises(SystemExit) as end:
+        queue("minutes=60", takes=too_long)
+    assert end.value.code == 75 and steps[-1][0] == "gail_ppo"
     assert "The time is over; the same command goes on." in capsys.readouterr().out
 
 
@@ -83,3 +89,22 @@ def test_what_is_published_is_not_run_again(queue, tmp_path):
     (place / "tstar/seed310/evaluation.csv").unlink()
     systems = {value for step, _, _ in queue(*asked) for value in step if value.startswith("system=")}
     assert "system=tstar" in systems and "system=gaussian" not in systems
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        (
+            ["seed=310"],
+            r"every lane has a seed and a task of its own: seeds=\[...\] tasks=\[...\], not seed=310",
+        ),
+        (["task=toy_table"], "not task=toy_table"),
+        (["minutes=60", "resume=false"], "experiment.py with a time limit goes on from call to call"),
+        (["tasks=[nix]"], "experiment shelf has tasks table_lack, .*; got nix"),
+        (["seeds=[310,310]"], "seeds must name each once, got 310, 310"),
+        (["d_omega.stps=1"], "d_omega.stps|d_omega has no stps"),
+    ],
+)
+def test_what_every_lane_would_stumble_over_is_told_before_the_first_step(queue, values, message):
+    with pytest.raises(SystemExit, match=message):
+        queue(*values, takes=lambda step: pytest.fail(f"ran {step}"))

@@ -47,9 +47,11 @@ def test_a_step_that_gets_nowhere_in_a_whole_call_is_an_error(leaves, tmp_path, 
     monkeypatch.syspath_prepend(RECIPES)
     import gpu_run
 
+    from tstar_rl.launch import time_limit
+
     runs = tmp_path / "a" / "runs" / "table_lack"
 
-    def stopped(step, shared, seconds):
+    def stopped(step, shared, line, seconds, code):
         first = step[0] == "make_demonstrations"
         if first and leaves != "demonstrations":
             return  # they are there
@@ -63,7 +65,7 @@ def test_a_step_that_gets_nowhere_in_a_whole_call_is_an_error(leaves, tmp_path, 
             (place / "subtask0_noisy.npz").write_text("")
         raise subprocess.TimeoutExpired("", seconds)
 
-    monkeypatch.setattr(gpu_run, "run_recipe", stopped)
+    monkeypatch.setattr(time_limit, "run_recipe", stopped)
     values = ["scales=[quick]", "device=cpu", f"demonstrations_dir={tmp_path}", *places(tmp_path, "a")]
     monkeypatch.setattr(sys, "argv", ["gpu_run.py", *values])
     GlobalHydra.instance().clear()

@@ -1,15 +1,19 @@
 """The recipe that measures a hand-over gap, on a chain whose gap and its cause are known."""
 
+import math
 import runpy
 from pathlib import Path
 
 import pandas as pd
 import pytest
+import torch
 from hydra import compose, initialize_config_dir
 from point_chain import PointChain, make_skills
 
 from tstar_rl.config.values import CONFIGS
 from tstar_rl.env import furniture_env
+from tstar_rl.env.layout import PARTS, observation_size
+from tstar_rl.rollouts.hand_overs import HandOver
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -71,3 +75,20 @@ def test_sides_of_an_input_that_is_asked_for(measure):
     assert seams.split_by.tolist() == ["joint 0"] * 3
     with pytest.raises(ValueError, match="split_by must be null or an input such as joint 6.*got 'joint7'"):
         measure(*few, "split_by=joint7")
+
+
+@pytest.mark.parametrize("split_by", [None, "leg turn x"])
+def test_the_sign_of_a_quaternion_is_no_side(split_by):
+    """The leg is turned by .2 or by 1.2 rad about x, which decides; every other one comes with the other sign."""
+    turned, states = torch.arange(80) % 4 > 1, torch.zeros(80, observation_size(2))
+    states[:, PARTS + 3] = 1.0
+    states[:, PARTS + 10] = torch.where(turned, math.cos(0.6), math.cos(0.1))
+    states[:, PARTS + 11] = torch.where(turned, math.sin(0.6), math.sin(0.1))
+    states[1::2, PARTS + 10 : PARTS + 14] *= -1
+    seam_row = runpy.run_path(str(ROOT / "recipes/hand_over_gap.py"))["_seam_row"]
+    row = seam_row(HandOver(1, states, turned), ("top", "leg"), None, split_by)
+    assert row["strongest_area"] in (0.0, 1.0) and row["strongest"].startswith("leg turn")
+    by_w = row["split_by"] == "leg turn w"  # more of w is less of a turn
+    assert (row["succeeded_below"], row["succeeded_above"]) == ((1.0, 0.0) if by_w else (0.0, 1.0))
+    nobody = seam_row(HandOver(2, states[:0], turned[:0]), ("top", "leg"), None, split_by)
+    assert math.isnan(nobody["split"])

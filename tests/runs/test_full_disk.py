@@ -115,9 +115,18 @@ def test_a_table_on_a_full_disk_keeps_its_rows(tiny_disk):
     ("code", "message"),
     [
         (errno.ENOSPC, r"^no space left on the disk for a/b.csv\. What was written before stays"),
-        (errno.EROFS, r"^a/b.csv cannot be written \(Read-only file system\): results_dir=\.\.\. runs_dir="),
-        (errno.ENOTDIR, r"^a/b.csv cannot be written \(Not a directory\): results_dir=\.\.\. runs_dir="),
-        (errno.EACCES, r"^a/b.csv cannot be written \(Permission denied\): results_dir=\.\.\. runs_dir="),
+        (
+            errno.EROFS,
+            r"^a/b.csv cannot be read or written \(Read-only file system\): results_dir=\.\.\. runs_dir=",
+        ),
+        (
+            errno.ENOTDIR,
+            r"^a/b.csv cannot be read or written \(Not a directory\): results_dir=\.\.\. runs_dir=",
+        ),
+        (
+            errno.EACCES,
+            r"^a/b.csv cannot be read or written \(Permission denied\): results_dir=\.\.\. runs_dir=",
+        ),
     ],
 )
 def test_a_disk_that_takes_no_more_is_told_in_words(code, message):
@@ -134,7 +143,7 @@ def test_a_read_only_folder_is_told_in_words(tmp_path):
     folder.chmod(0o500) if os.geteuid() else None
     try:
         with (
-            pytest.raises(SystemExit, match=r"read_only/\S+ cannot be written \(.*results_dir="),
+            pytest.raises(SystemExit, match=r"read_only/\S+ cannot be read or written \(.*results_dir="),
             told_in_words(),
         ):
             a_run(folder)

@@ -44,7 +44,9 @@ def test_a_log_shorter_than_its_checkpoint_says_is_refused(tmp_path):
 
 def test_evaluation_rows_replace_those_of_the_same_key(tmp_path):
     path, key = tmp_path / "evaluation.csv", ("checkpoint", "mode")
+    assert append_rows(path, [], key).empty and not path.exists()
     append_rows(path, [{"checkpoint": "last", "mode": "deterministic", "success": 0.1}], key)
+    assert len(append_rows(path, [], key)) == 1 == len(pd.read_csv(path))
     append_rows(path, [{"checkpoint": "best", "mode": "deterministic", "success": 0.2}], key)
     table = append_rows(path, [{"checkpoint": "last", "mode": "deterministic", "success": 0.3}], key)
     assert sorted(table.success) == [0.2, 0.3] and sorted(pd.read_csv(path).success) == [0.2, 0.3]

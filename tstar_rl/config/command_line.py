@@ -123,7 +123,7 @@ def _of_the_disk(error: OSError) -> str:
         return f"no space left on the disk for {error.filename or 'a file'}. {said}"
     if error.errno in NOT_WRITABLE:
         places = "results_dir=... runs_dir=... demonstrations_dir=... give other folders"
-        return f"{error.filename or 'a file'} cannot be written ({error.strerror}): {places}"
+        return f"{error.filename or 'a file'} cannot be read or written ({error.strerror}): {places}"
     return str(error)
 
 
@@ -157,6 +157,8 @@ def _missing_file(missing: Path, configs: Path, name: str) -> str:
 def _unknown_key(key: str, configs: Path, name: str, check: Check) -> str:
     """For a key that the recipe's config does not have: what `check` says of it, or how to add it."""
     groups = [path.name for path in configs.iterdir() if path.is_dir()]
+    if key in groups:
+        return f"{key}=... chooses a file of configs/{key}, and the recipe {name} has no values of these"
     if hint := did_you_mean(key, groups, cutoff=0.75):
         return f"the config of {name} has no {key}{hint}"
     try:

@@ -1,5 +1,6 @@
 """Runs the scripted expert and keeps its successes."""
 
+import math
 from collections.abc import Callable
 
 import torch
@@ -8,9 +9,12 @@ from torchrl.envs import TransformedEnv
 
 from tstar_rl.demonstrations.data_set import Demonstrations
 from tstar_rl.demonstrations.file_check import KINDS
+from tstar_rl.demonstrations.header import DemonstrationError
 from tstar_rl.rollouts.episodes import run_episodes
 
 __all__ = ["collect"]
+
+ROUNDS = 20
 
 
 def collect(
@@ -20,7 +24,6 @@ def collect(
     noise: float,
     seed: int,
     each_step: Callable[[], None] = lambda: None,
-    max_rounds: int = 20,
 ) -> Demonstrations:
     """Runs the scripted expert until there are `episodes` successes; episodes count in the order of their start.
 
@@ -31,11 +34,11 @@ def collect(
         noise: deviation of the arm's executed action, for "noisy".
         seed: of the first round; each round has its own.
         each_step: called after every step, for a progress bar.
-        max_rounds: rounds of one episode a simulation, at most.
 
     Raises:
         ValueError: for another kind.
-        RuntimeError: if the expert fails too often to get there.
+        DemonstrationError: if the expert fails too often to get there: in `ROUNDS` rounds of one episode a simulation,
+            or in four of five episodes if that takes longer.
     """
     if kind not in KINDS:
         raise ValueError(f"kind must be one of {', '.join(KINDS)}; got {kind!r}")
@@ -43,8 +46,9 @@ def collect(
     pieces: list[TensorDictBase] = []
     seeds: list[int] = []
     env = make_env(seed)
+    rounds = max(ROUNDS, 5 * math.ceil(episodes / env.batch_size[0]))
     try:
-        for round_ in range(max_rounds):
+        for round_ in range(rounds):
             env.set_seed(seed + round_)
             torch_generator = torch.Generator().manual_seed(seed + round_)
             found = _successes(env, noise, torch_generator, each_step)
@@ -53,7 +57,10 @@ def collect(
             if len(pieces) >= episodes:
                 break
         else:
-            raise RuntimeError(f"only {len(pieces)} successes of {episodes} wanted in {max_rounds} rounds")
+            raise DemonstrationError(
+                f"only {len(pieces)} of the {episodes} successes wanted came of {rounds} rounds of {env.batch_size[0]} "
+                "episodes: the script does not do this task in this world, or not with so much noise"
+            )
     finally:
         env.close()
     pieces, seeds = pieces[:episodes], seeds[:episodes]

@@ -19,6 +19,7 @@ __all__ = [
     "Made",
     "read",
     "read_made",
+    "snapshot_shapes",
 ]
 
 ARRAYS: dict[str, tuple[str, int | None, np.dtype]] = {
@@ -150,7 +151,7 @@ def _check_array(path: str | Path, name: str, array: np.ndarray, sizes: dict[str
 
 
 def _check_snapshots(path: str | Path, arrays: dict[str, np.ndarray], rows: int, task: str) -> None:
-    shapes = _snapshot_shapes(task)
+    shapes = snapshot_shapes(task)
     for name in shapes:
         if name not in arrays:
             raise DemonstrationError(f"{path}: field {name} is missing")
@@ -171,7 +172,7 @@ def _check_snapshots(path: str | Path, arrays: dict[str, np.ndarray], rows: int,
 
 
 @functools.cache
-def _snapshot_shapes(task: str) -> dict[str, tuple[int, ...]]:
+def snapshot_shapes(task: str) -> dict[str, tuple[int, ...]]:
     """What a snapshot of the task has, by the name of the array, and the shape of one row."""
     from tstar_rl.env.furniture_env import FurnitureEnv
 

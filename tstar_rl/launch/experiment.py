@@ -8,7 +8,7 @@ from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from tstar_rl.checks import InvalidValueError
+from tstar_rl.checks import InvalidValueError, MissingFileError, did_you_mean
 from tstar_rl.launch.side_by_side import Step, mean_bonus
 from tstar_rl.runs.run_folder import UNTRAINED, run_path
 
@@ -122,13 +122,18 @@ class DeclaredExperiment:
             tasks: only these; none: all.
 
         Raises:
-            InvalidValueError: if none of the tasks has one of the seeds.
+            InvalidValueError: if none of the tasks has one of the seeds, a task is not declared, or one is named twice.
         """
-        seeds, tasks, known = (
-            tuple(seeds) or self.every_seed,
-            tuple(tasks) or self.tasks,
-            set(self.every_seed),
-        )
+        seeds, tasks = tuple(seeds) or self.every_seed, tuple(tasks) or self.tasks
+        known = set(self.every_seed)
+        if unknown := [task for task in tasks if task not in self.tasks]:
+            raise InvalidValueError(
+                f"experiment {self.name} has tasks {', '.join(self.tasks)}; got {', '.join(unknown)}"
+                f"{did_you_mean(unknown[0], self.tasks)}"
+            )
+        for name, given in (("seeds", seeds), ("tasks", tasks)):
+            if len(set(given)) < len(given):
+                raise InvalidValueError(f"{name} must name each once, got {', '.join(map(str, given))}")
         found = [
             (task, seed)
             for seed in seeds
@@ -174,14 +179,12 @@ class DeclaredExperiment:
         What arms of two commits share stands there for both, and is made by the first.
         """
         arms = [arm for arm in self.arms_of(seed) if only is None or arm.name in only]
-        commits = dict.fromkeys(arm.commit or self.commit for arm in arms)
-        return [
-            (commit, step)
-            for commit in commits
-            for step in self.steps(
-                subtasks, seed, [arm.name for arm in arms if (arm.commit or self.commit) == commit]
-            )
-        ]
+        steps = (
+            (arm.commit or self.commit, step)
+            for arm in arms
+            for step in self.steps(subtasks, seed, [arm.name])
+        )
+        return list(dict.fromkeys(steps))  # each once, an arm still after that whose bonus it needs
 
     def unpublished(self, published: str | Path, task: str, seed: int) -> list[str]:
         """The arms of a seed that have no evaluation below `published`, the experiment's folder there."""
@@ -204,24 +207,40 @@ def without_bonus(step: Step) -> Step:
     return tuple(value for value in step if not value.startswith(BONUS))
 
 
-def with_bonus(step: Step, task: str, seed: int, *places: str | Path) -> Step:
+def with_bonus(
+    step: Step,
+    task: str,
+    seed: int,
+    results: str | Path,
+    runs: str | Path,
+    published: str | Path | None = None,
+) -> Step:
     """A step in which the bonus of another arm is a number, once that arm has been trained.
 
     Args:
         step: recipe and values.
         task: furniture.
         seed: of both arms.
-        *places: folders of results; the first that has a table of that arm's training is read.
+        results: where the table of that arm's training lies, if it was trained here.
+        runs: where that training notes that it has finished.
+        published: where its table lies, if it was trained elsewhere.
 
     Raises:
-        MissingFileError: if none has one.
+        MissingFileError: if there is no table of it, or the training has not finished.
     """
     values = []
     for value in step:
         if value.startswith(BONUS):
-            tables = [
-                run_path(place, task, value.removeprefix(BONUS), seed) / "metrics.csv" for place in places
-            ]
-            value = f"bonus={mean_bonus(next((table for table in tables if table.is_file()), tables[0]))}"
+            place = (task, value.removeprefix(BONUS), seed)
+            table = run_path(results, *place) / "metrics.csv"
+            if not (run_path(runs, *place) / "finished.json").is_file():
+                kept = None if published is None else run_path(published, *place) / "metrics.csv"
+                if kept is not None and kept.is_file():
+                    table = kept
+                elif table.is_file():
+                    raise MissingFileError(
+                        f"the training of {table.parent} has not finished, and decides the bonus"
+                    )
+            value = f"bonus={mean_bonus(table)}"
         values.append(value)
     return tuple(values)

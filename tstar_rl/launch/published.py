@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pandas as pd
 
+from tstar_rl.checks import InvalidValueError
+
 __all__ = ["publish"]
 
 TABLES = ("config.yaml", "metrics.csv", "calibration.csv", "evaluation.csv")
@@ -22,7 +24,7 @@ def publish(source: str | Path, target: str | Path) -> list[Path]:
         The files written.
 
     Raises:
-        ValueError: a run was published before with other figures; the others are copied first.
+        InvalidValueError: a run was published before with other figures; the others are copied first.
     """
     written, differ = [], []
     for file in sorted(Path(source).rglob("evaluation.csv")):
@@ -34,7 +36,7 @@ def publish(source: str | Path, target: str | Path) -> list[Path]:
         tables = [name for name in TABLES if file.with_name(name).is_file()]
         written += [Path(shutil.copyfile(file.with_name(name), there.with_name(name))) for name in tables]
     if differ:
-        raise ValueError(
+        raise InvalidValueError(
             f"published before with other figures than those in {source}: {', '.join(map(str, differ))}; "
             "delete these folders if the new runs are to replace them"
         )

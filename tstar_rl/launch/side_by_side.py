@@ -11,6 +11,8 @@ from queue import SimpleQueue
 from typing import Any
 
 import pandas as pd
+from hydra.errors import HydraException
+from omegaconf.errors import OmegaConfBaseException
 
 from tstar_rl.checks import MissingFileError, UserError
 from tstar_rl.launch.code_of_commit import environ_of
@@ -80,7 +82,7 @@ def run_side_by_side(
         try:
             for step in lanes[lane]:
                 (run or run_recipe)(step, shared, line)
-        except (SystemExit, UserError) as failure:
+        except (SystemExit, UserError, HydraException, OmegaConfBaseException) as failure:
             return str(failure)
         except Exception as failure:  # of the program: the other lanes' hours are not lost to it
             return "".join(traceback.format_exception(failure))

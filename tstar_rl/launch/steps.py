@@ -4,15 +4,17 @@ A step is a recipe and its values. Its own config says where its results lie, so
 """
 
 import re
-from collections.abc import Container, Sequence
+from collections.abc import Container, Mapping, Sequence
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 from hydra import compose
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.build import demonstrations_path
 from tstar_rl.config.chain import chain_length
 from tstar_rl.config.demonstrations import check_made, demonstrated
@@ -24,7 +26,16 @@ from tstar_rl.runs.run import MACHINE_ONLY
 from tstar_rl.runs.run_config import read_config
 from tstar_rl.runs.run_folder import UNTRAINED, run_path
 
-__all__ = ["evaluated_runs", "is_done", "missing", "passed_on", "run_folder", "step_config", "step_files"]
+__all__ = [
+    "check_evaluation",
+    "evaluated_runs",
+    "is_done",
+    "missing",
+    "passed_on",
+    "run_folder",
+    "step_config",
+    "step_files",
+]
 
 CHAINING = ("chain", "terminal_reward", "d_omega", "skills")
 """Sections that the recipes of `ONE_POLICY` do not read (but chain.capacity, which a chain of their skills compares).
@@ -56,10 +67,11 @@ def is_done(step: Step, shared: Sequence[str] = (), ignored: Sequence[str] = ())
     """Whether a step need not be run: its files are there, and are what the step would make.
 
     Demonstrations are done if their files are there, and hold what the step would make. A training is done if it has
-    finished with the same config; whether its demonstrations or skills were made again since is not asked: with one
-    config and one commit they are the same to the bit. An evaluation is done if every run that it evaluates has
-    finished before it, and its table has each checkpoint that these have left, in all modes, with the number of
-    episodes that is asked for. With resume=false nothing is done.
+    finished with the same config (SPiRL's also with more steps than are asked for) and its tables are there. Whether
+    its demonstrations or skills were made again since is not asked: with one config and one commit they are the same to
+    the bit. An evaluation is done if every run that it evaluates has finished before it, and its table has each
+    checkpoint that these have left, in all modes, with the number of episodes that is asked for. With resume=false
+    nothing is done.
 
     Args:
         step: recipe and values.
@@ -67,7 +79,8 @@ def is_done(step: Step, shared: Sequence[str] = (), ignored: Sequence[str] = ())
         ignored: sections of a training's config that may have changed since it finished.
 
     Raises:
-        CheckpointMismatchError: if a training has finished with another config.
+        CheckpointMismatchError: if a training has finished with another config, or an evaluation that is there is of
+            another world or other skills.
         DemonstrationError: if demonstrations are of other settings, another number of episodes or another noise.
     """
     config = step_config(step, shared)
@@ -79,8 +92,12 @@ def is_done(step: Step, shared: Sequence[str] = (), ignored: Sequence[str] = ())
         return True
     if step[0] == "evaluate":
         return _is_evaluated(config)
-    _check_config(config, (*MACHINE_ONLY, *ignored, *(CHAINING if step[0] in ONE_POLICY else ())))
-    return True
+    results, asked = run_folder(config, "results_dir"), plain(config)
+    saved = read_config(results)
+    ignored = (*MACHINE_ONLY, *ignored, *(CHAINING if step[0] in ONE_POLICY else ()))
+    totals = [values.get("spirl", {}).pop("total_steps", 0) for values in (saved, asked)]
+    _check_config(results, saved, {name: value for name, value in asked.items() if name not in ignored})
+    return bool(saved) and (results / "metrics.csv").is_file() and totals[0] >= totals[1]
 
 
 def missing(steps: Sequence[Step], shared: Sequence[str] = (), ignored: Sequence[str] = ()) -> list[Step]:
@@ -111,17 +128,55 @@ def evaluated_runs(config: DictConfig) -> list[Path]:
     """Folders below config.runs_dir of the runs that an evaluation of config.system evaluates.
 
     That is one run; without fine-tuning it is the run of each skill of the chain.
+
+    Raises:
+        InvalidValueError: if one subtask of skills that are chained is asked for.
     """
+    if Path(config.system).name.startswith(UNTRAINED) and config.subtask is not None:
+        raise InvalidValueError(
+            f"system={config.system} is a chain, and has no subtask={config.subtask}: system={config.skills} "
+            f"subtask={config.subtask} is the skill, chain.links takes the first skills of a chain"
+        )
     if not Path(config.system).name.startswith(UNTRAINED):
         return [run_folder(config, "runs_dir")]
     skills = (config.runs_dir, config.task.name, config.skills, config.seed)
     return [run_path(*skills, index) for index in range(chain_length(config))]
 
 
+def check_evaluation(folder: Path, config: Mapping[str, Any]) -> None:
+    """Refuses an evaluation that the config.yaml of `folder` would not tell of.
+
+    That is one in another world than that of the training, or of the evaluation, that is there; and one of other skills
+    chained as they are.
+
+    Raises:
+        CheckpointMismatchError: with what differs.
+    """
+    saved = read_config(folder)
+    own = ("skills", "links") if saved.get("evaluation_only") else ()
+    there, now = (
+        {
+            "env": values.get("env"),
+            "skills": values.get("skills"),
+            "links": values.get("chain", {}).get("links"),
+        }
+        for values in (saved, config)
+    )
+    wrong = differences(
+        {name: there[name] for name in ("env", *own)}, {name: now[name] for name in ("env", *own)}
+    )
+    if saved and wrong:
+        raise CheckpointMismatchError(
+            f"{folder} has the results of something else: {'; '.join(wrong)}. Give the scale that it has, or another "
+            "results_dir=..., or, of skills chained as they are, another system=no_finetuning_<name>"
+        )
+
+
 def _is_evaluated(config: DictConfig) -> bool:
     """Whether a table that is there is complete, and not older than the end of any run that it is of."""
-    file = run_folder(config, "results_dir") / "evaluation.csv"
-    runs = evaluated_runs(config)
+    results, runs = run_folder(config, "results_dir"), evaluated_runs(config)
+    check_evaluation(results, plain(config))
+    file = results / "evaluation.csv"
     ends = [run / "finished.json" for run in runs]
     written = file.stat().st_mtime_ns
     if not all(end.is_file() and end.stat().st_mtime_ns <= written for end in ends):
@@ -136,11 +191,9 @@ def _is_evaluated(config: DictConfig) -> bool:
     )
 
 
-def _check_config(config: DictConfig, ignored: Sequence[str]) -> None:
-    """Raises CheckpointMismatchError if a training has finished with another config; `ignored` sections may differ."""
-    results = run_folder(config, "results_dir")
-    saved = read_config(results)
-    wanted = {name: value for name, value in plain(config).items() if name in saved and name not in ignored}
+def _check_config(results: Path, saved: Mapping[str, Any], asked: Mapping[str, Any]) -> None:
+    """Raises CheckpointMismatchError if a training has finished with another config than is asked for."""
+    wanted = {name: value for name, value in asked.items() if name in saved}
     wrong = differences({name: saved[name] for name in wanted}, wanted)
     if wrong:
         raise CheckpointMismatchError(f"{results}: {'; '.join(wrong)} (resume=false starts over)")

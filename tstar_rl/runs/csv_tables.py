@@ -79,6 +79,8 @@ def append_rows(path: str | Path, rows: list[dict[str, Any]], key: tuple[str, ..
     Of several processes that do so at once none loses another's rows.
     """
     path, new = Path(path), pd.DataFrame(rows)
+    if not rows:
+        return pd.read_csv(path) if path.is_file() else new
     with turn_to_write(path.parent):
         if path.is_file():
             old = pd.read_csv(path)

@@ -19,7 +19,7 @@ from tqdm import tqdm
 from tstar_rl.runs import checkpoint, lock
 from tstar_rl.runs.csv_tables import LogError, MetricsLog
 from tstar_rl.runs.files import replacing
-from tstar_rl.runs.run_config import note_resumed, write_config
+from tstar_rl.runs.run_config import note_resumed, read_config, write_config
 from tstar_rl.runs.run_folder import run_path
 
 __all__ = ["MACHINE_ONLY", "Run"]
@@ -101,7 +101,7 @@ class Run:
         A run that begins anew deletes what one before it has left under its name: checkpoints and evaluations.
 
         Raises:
-            CheckpointMismatchError: when resuming a run that had another config.
+            CheckpointMismatchError: when resuming a run that had another config, or where one of another has finished.
             DamagedCheckpointError: if the newest checkpoint is not as it was written. Nothing is touched then.
             LogError: if a table of the run has lost rows.
         """
@@ -109,7 +109,11 @@ class Run:
         for name in ("best", "last"):
             checkpoint.put_back(self.work / name)
         found = checkpoint.latest(self.work / "checkpoints") if self.config["resume"] else None
+        finished = self.work / "finished.json"
         if found is None:
+            if self.config["resume"] and finished.is_file():
+                self._check_same()
+            finished.unlink(missing_ok=True)  # first: what is half deleted is not done
             for name in ("checkpoints", *SAVED):
                 shutil.rmtree(self.work / name, ignore_errors=True)
             (self.results / "evaluation.csv").unlink(missing_ok=True)
@@ -122,10 +126,23 @@ class Run:
             except (checkpoint.CheckpointMismatchError, checkpoint.DamagedCheckpointError, LogError) as error:
                 raise type(error)(f"{error} (resume=false starts over)") from error
             note_resumed(self.results, self.env_steps)
-        (self.work / "finished.json").unlink(missing_ok=True)  # until it is done again
+            finished.unlink(missing_ok=True)  # until it is done again
         self.bar.update(self.env_steps - self.bar.n)
         self._clock = time.perf_counter()
         return self.env_steps
+
+    def _check_same(self) -> None:
+        """Raises CheckpointMismatchError if the run that has finished here had another config."""
+        saved = read_config(self.results)
+        wanted = {name: value for name, value in self.record.items() if name in saved}
+        if "spirl" in wanted:  # of which the total is not recorded
+            saved["spirl"] = {
+                name: value for name, value in saved["spirl"].items() if name in wanted["spirl"]
+            }
+        if wrong := checkpoint.differences({name: saved[name] for name in wanted}, wanted):
+            raise checkpoint.CheckpointMismatchError(
+                f"{self.results} is of a run that has finished: {'; '.join(wrong)} (resume=false starts over)"
+            )
 
     def log(self, env_steps: int, **row: Any) -> None:
         """Adds a row at `env_steps` and moves the bar."""

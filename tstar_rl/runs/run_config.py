@@ -9,7 +9,13 @@ import yaml
 from tstar_rl.runs.files import replacing, turn_to_write
 from tstar_rl.runs.versions import versions
 
-__all__ = ["note_evaluation", "note_resumed", "read_config", "write_config"]
+__all__ = [
+    "note_evaluation",
+    "note_resumed",
+    "note_section",
+    "read_config",
+    "write_config",
+]
 
 LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # libyaml, where it is there, reads ten times faster
 
@@ -34,6 +40,12 @@ def note_resumed(folder: Path, env_steps: int) -> None:
         env_steps: after which it went on.
     """
     _note_later(folder, {"what": "resumed", "env_steps": env_steps})
+
+
+def note_section(folder: Path, name: str, values: Mapping[str, Any]) -> None:
+    """Replaces a section of config.yaml, of which a resumed run may have other values than those it began with."""
+    with turn_to_write(folder):
+        _replace(folder, {**read_config(folder), name: dict(values)})
 
 
 def note_evaluation(folder: Path, config: Mapping[str, Any]) -> None:

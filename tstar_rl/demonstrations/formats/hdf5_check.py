@@ -182,8 +182,12 @@ class _Reader:
     def _whole(self, group: Any, name: str, default: int) -> int:
         """An attribute that is a whole number or a flag."""
         value = np.asarray(found := group.attrs.get(name, default))
-        if value.shape or value.dtype.kind not in "biuf" or not float(value).is_integer():
-            wanted = "true or false" if name == "success" else "a whole number"
+        if (
+            value.shape
+            or value.dtype.kind not in "biuf"
+            or not (float(value).is_integer() and abs(float(value)) < 2**63)
+        ):
+            wanted = "true or false" if name == "success" else "a whole number of 64 bits"
             said = found.item() if isinstance(found, np.generic) else found
             self.place = f": {group.name.rpartition('/')[2]}"
             raise self._wrong(f"has attribute {name} {said!r}, should be {wanted}")
