@@ -13,6 +13,7 @@ __all__ = [
     "MissingFileError",
     "UserError",
     "check_ranges",
+    "check_sizes",
     "did_you_mean",
     "import_extra",
     "need_extra",
@@ -109,3 +110,20 @@ def check_ranges(settings: Any, **kinds: Sequence[str]) -> None:
             value = getattr(settings, name)
             if value is not None and not fits(value):
                 raise InvalidValueError(f"{type(settings).__name__}.{name} must be {said}, got {value}")
+
+
+def check_sizes(settings: Any, *names: str) -> None:
+    """Checks the sizes of hidden layers in a settings object; no layer at all is one way to be.
+
+    Args:
+        settings: a dataclass.
+        *names: of the fields.
+
+    Raises:
+        InvalidValueError: for the first that has a layer of less than one unit.
+    """
+    for name in names:
+        if min(sizes := getattr(settings, name), default=1) < 1:
+            raise InvalidValueError(
+                f"{type(settings).__name__}.{name} must be sizes of at least 1, got {sizes}"
+            )

@@ -8,6 +8,7 @@ import pytest
 import yaml
 from published_runs import THEIRS, evaluation
 
+from tstar_rl.analysis.experiments import compare_arms, read_experiment
 from tstar_rl.analysis.page import curve_groups, replace_block, results_head, results_page, runs_page
 from tstar_rl.analysis.page.contents import read_contents
 from tstar_rl.analysis.page.markdown import arm_label, arm_order, over_seeds
@@ -26,6 +27,49 @@ def test_the_pages_and_the_readme_are_what_the_published_tables_say():
     assert runs_page(PUBLISHED, PAPER) == (ROOT / "docs" / "every_run.md").read_text(), again
     readme = (ROOT / "README.md").read_text()
     assert replace_block(readme, results_head(PUBLISHED, PAPER, NOTES)) == readme, again
+
+
+QUOTED = [
+    "tstar_costliest - buffer_costliest", "tstar - buffer_bonus", "tstar - buffer",
+    "feasibility_costliest - buffer_costliest", "buffer_costliest - buffer", "in_order_cloned - tstar",
+    "input_floor: floored - no_finetuning",
+    "buffer_costliest - buffer", "tstar_costliest - tstar", "in_order_demonstrated - in_order",
+    "wider_starts_costliest - tstar", "wider_starts_costliest - gaussian", "wider_starts_costliest - buffer_costliest",
+    "in_order_cloned - gaussian", "no_finetuning_jittered - no_finetuning", "gaussian - no_finetuning_jittered",
+    "gaussian - no_finetuning", "in_order - tstar", "buffer_costliest - buffer", "tstar_costliest - tstar",
+    "tstar_costliest - buffer_costliest", "feasibility_costliest - buffer_costliest",
+    "in_order_cloned - in_order_demonstrated",
+]  # fmt: skip
+"""The arms of each difference with an interval in the notes, in their order; the last one is the README's own."""
+
+
+def rounded(number: float, digits: int) -> str:
+    """As the notes write it: +.12."""
+    return f"{number:+.{digits}f}".replace("0.", ".", 1)
+
+
+def test_differences_in_the_text_are_those_of_the_tables_and_their_intervals_are_rounded_once():
+    own = (ROOT / "README.md").read_text().split("<!-- results: end -->")[1]
+    text = " ".join(f"{NOTES} {own}".split())
+    quoted = re.findall(r"([+-]\.\d+)([^+]*?)95%: ([+-]\.\d+) to ([+-]\.\d+)", text)
+    assert len(quoted) == len(QUOTED), [f"{value}{words}" for value, words, *_ in quoted]
+    rows = {
+        name: read_experiment(PUBLISHED / name).chosen("table_lack")
+        for name in ("beyond_tstar", "input_floor")
+    }
+    wrong = []
+    for named, (value, words, *ends) in zip(QUOTED, quoted, strict=True):
+        folder, _, pair = named.rpartition(": ")
+        (row,) = compare_arms(rows[folder or "beyond_tstar"], [pair.split(" - ")]).itertuples()
+        mean, half = row.difference, row.t_half
+        found = [mean, min(row.low, mean - half), max(row.high, mean + half)]
+        expected = [
+            rounded(number, len(told.split(".")[1]))
+            for number, told in zip(found, [value, *ends], strict=True)
+        ]
+        if [value, *ends] != expected:
+            wrong.append(f"{named}: {value}{words}95%: {' to '.join(ends)}, but it is {', '.join(expected)}")
+    assert not wrong
 
 
 def test_every_figure_of_the_page_is_there_and_no_other():

@@ -7,7 +7,7 @@ import pytest
 import yaml
 from published_runs import THEIRS, contents, write
 
-from tstar_rl.analysis import read_metrics, rise_figure, steps_of_arms
+from tstar_rl.analysis import read_metrics, rise_figure
 from tstar_rl.analysis.page import draw_page, results_head, results_page, runs_page
 from tstar_rl.analysis.page.contents import read_contents
 
@@ -107,18 +107,6 @@ def test_the_turns_of_an_experiment_by_hand(published):
     (axes,) = rise_figure(read_metrics(published / "odd"), "table", {"tstar": "T-STAR"}).axes
     one, other, mean = (line.get_xydata().tolist() for line in axes.lines)
     assert one == other == mean == [[1, 0.5], [3, 0.75]]
-
-
-def test_an_arm_costs_its_skills_its_fine_tuning_and_its_trials():
-    rows = pd.DataFrame(
-        {"task": "table", "arm": ["plain", "mended", "mended"], "env_steps": [5e5, 1.5e6, 2.5e6]}
-    )
-    tried = {"recipe": "mended", "subtask": -1, "trial_progress": 0.5, "accepted": 1, "trial_steps": 1e5}
-    metrics = pd.DataFrame(
-        [tried | {"seed": seed, "env_steps": step} for seed in (0, 1) for step in (1, 2, 3)]
-    )
-    # Two seeds of 1.5M and 2.5M, each with three trials of .1M.
-    assert steps_of_arms(rows, metrics.assign(task="table")).to_dict() == {"plain": 5e5, "mended": 2.3e6}
 
 
 def test_the_page_shows_the_figures_that_are_drawn(published, tmp_path):

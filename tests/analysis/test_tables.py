@@ -1,9 +1,9 @@
-"""Reading metrics and evaluations of several runs."""
+"""Reading metrics and evaluations of several runs, and the steps that they tell of."""
 
 import pandas as pd
 import pytest
 
-from tstar_rl.analysis import evaluation_table, learning_curves, read_evaluations, read_metrics
+from tstar_rl.analysis import evaluation_table, learning_curves, read_evaluations, read_metrics, steps_of_arms
 from tstar_rl.runs.csv_tables import MetricsLog, append_rows
 
 
@@ -42,3 +42,24 @@ def test_curves_and_table_from_folders(tmp_path):
         learning_curves(read_metrics(tmp_path), ["loss"])
     table = evaluation_table(read_evaluations(tmp_path))
     assert table.loc[("table_lack", "tstar"), "progress"] == pytest.approx(0.9)
+
+
+def test_an_arm_costs_its_skills_its_fine_tuning_and_its_trials():
+    rows = pd.DataFrame(
+        {"task": "table", "arm": ["plain", "mended", "mended"], "env_steps": [5e5, 1.5e6, 2.5e6]}
+    )
+    tried = {"recipe": "mended", "subtask": -1, "trial_progress": 0.5, "accepted": 1, "trial_steps": 1e5}
+    metrics = pd.DataFrame(
+        [tried | {"seed": seed, "env_steps": step} for seed in (0, 1) for step in (1, 2, 3)]
+    )
+    # Two seeds of 1.5M and 2.5M, each with three trials of .1M.
+    assert steps_of_arms(rows, metrics.assign(task="table")).to_dict() == {"plain": 5e5, "mended": 2.3e6}
+
+
+@pytest.mark.parametrize("tried", [None, 0.5])
+def test_steps_before_the_first_turn_count_where_no_trial_ends_that_turn(tried):
+    """chain.trial_every=2, or no trial at all: the first row has the steps of chain.seed_episodes alone."""
+    rows = pd.DataFrame({"task": "table", "arm": ["mended"], "env_steps": [1.5e6]})
+    turns = {"trial_progress": [None, tried], "trial_steps": [2e5, 1e5 if tried else 0]}
+    metrics = pd.DataFrame(turns).assign(task="table", recipe="mended", subtask=-1, seed=0, env_steps=[1, 2])
+    assert steps_of_arms(rows, metrics).to_dict() == {"mended": 1.8e6 if tried else 1.7e6}

@@ -12,6 +12,7 @@ from tstar_rl.chaining.turns import Turn
 from tstar_rl.config import chain
 from tstar_rl.config.values import CONFIGS
 from tstar_rl.demonstrations.data_set import Demonstrations
+from tstar_rl.rollouts.state_sets import TerminationSet
 
 SHORT = ("chain.steps_per_turn=512", "chain.trial_every=100", "bc.epochs=200")
 
@@ -77,6 +78,33 @@ def test_half_of_the_demonstrations_begin_where_the_skill_before_ends(asked, rec
         assert mean[0] == pytest.approx(float(expert.observations[:, 0].mean()), abs=1e-4)
         made = said[32:].mean() - said[:32].mean()
         assert made > 0.2, "the clone tells the two kinds of starts apart"
+
+
+def test_what_is_cloned_again_forgets_where_its_old_clone_ended(asked, monkeypatch):
+    sizes, clone = [], Turn.clone_from_ends
+
+    def watched(turn, *given):
+        before = len(turn.skill.termination_set)
+        clone(turn, *given)
+        sizes.append((before > 0, len(turn.skill.termination_set)))
+
+    monkeypatch.setattr(Turn, "clone_from_ends", watched)
+    calls, *_ = asked("in_order_cloned")
+    first, *cloned = sizes
+    assert first == (True, 64), (
+        "the first skill is not cloned again: all 64 episodes before the first turn end there"
+    )
+    assert [old for old, _ in cloned] == [True] * 3 and [left for _, left in cloned] == [0] * 3
+    assert len(calls) == 3, "each turn has filled its set for the next skill"
+
+
+def test_after_a_clone_that_never_succeeded_the_next_skill_has_its_own_starts_alone(asked, monkeypatch):
+    """What the second skill adds is dropped, so that its set is empty after its turn. The third is not cloned then."""
+    extend = TerminationSet.extend_from
+    monkeypatch.setattr(TerminationSet, "extend_from", lambda kept, rows: len(kept) and extend(kept, rows))
+    calls, turns, own = asked("in_order")
+    assert [index for index, *_ in turns] == [0, 1, 2, 3]
+    assert [expert is own for _, expert, *_ in turns] == [True, False, True, False] and len(calls) == 2
 
 
 def test_a_share_of_none_asks_for_none_and_one_that_cannot_be_is_refused(asked):

@@ -6,7 +6,10 @@ import pandas as pd
 import pytest
 import torch
 
+from tstar_rl.chaining import turns
 from tstar_rl.chaining.chain import load_chain
+from tstar_rl.chaining.gate import Gate
+from tstar_rl.chaining.trials import run_trial
 from tstar_rl.chaining.turns import Turn
 
 SHORT = ("chain.gate=false", "chain.steps_per_turn=512", "chain.trial_every=100")
@@ -31,6 +34,36 @@ def test_the_sets_begin_with_what_a_trial_of_the_chain_has_seen_or_empty(
         assert sizes == [(0, 0)] * 4
     else:
         assert sizes[0] == (32, 32) and sizes[1] == sizes[2] == sizes[3] and 0 < sizes[1][0] < 32
+
+
+def test_the_first_turn_counts_the_steps_of_the_episodes_before_it_also_after_a_kill(
+    point_chain, monkeypatch
+):
+    """Killed in the first turn, so that the episodes are run again."""
+    seeding, judged = [], []
+    judge = Gate.judge
+
+    def noted(*trial):
+        seeding.append(run_trial(*trial))
+        return seeding[-1]
+
+    def watched(*gate, **calls):
+        judged.append(judge(*gate, **calls))
+        return judged[-1]
+
+    def killed(turn, rollout):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(turns, "run_trial", noted)
+    monkeypatch.setattr(Gate, "judge", watched)
+    values = ("chain.gate=true", "chain.steps_per_turn=512", "chain.links=2")
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(Turn, "_finish_rollout", killed)
+        point_chain("tstar", *values)
+    table = point_chain("tstar", *values)
+    again, expected = seeding[-1].steps(), [judgement.steps for judgement in judged]
+    assert len(seeding) == 2 and seeding[0].steps() == again > 0
+    assert table.trial_steps.tolist() == [expected[0] + again, expected[1]]
 
 
 def test_the_policy_is_updated_after_a_rollout_of_the_chains_own_horizon(point_chain, monkeypatch):

@@ -142,3 +142,23 @@ class TestLatentPolicyUpdate:
         resumed.load_state_dict(copy.deepcopy(update.state_dict()))  # as from a file
         logs = [u(transitions(a), 10) for a, u in ((agent, update), (other, resumed))]
         assert logs[0] == logs[1]
+
+    def test_a_part_of_a_minibatch_is_owed_to_later_calls_also_after_a_stop(self):
+        agent, update = self.make(updates=0.3)
+        buffer = transitions(agent)
+        for _ in range(5):
+            update(buffer, 1)
+        _, resumed = self.make(updates=0.3)
+        resumed.load_state_dict(copy.deepcopy(update.state_dict()))
+        for _ in range(5):
+            resumed(buffer, 1)
+        assert update.minibatches in (1, 2) and resumed.minibatches == 3
+
+    def test_a_state_from_before_owes_nothing(self):
+        agent, update = self.make()
+        update(transitions(agent), 10)
+        state = copy.deepcopy(update.state_dict())
+        state.pop("owed", None)
+        _, resumed = self.make()
+        resumed.load_state_dict(state)
+        assert (resumed.minibatches, resumed.owed) == (10, 0.0)

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 
 import pandas as pd
 
-__all__ = ["tried_turns", "turn_table"]
+__all__ = ["steps_of_trials", "tried_turns", "turn_table"]
 
 AUC = "_auc"
 """Ending of the column that says how well a signal's scores tell whether the next skill then succeeded."""
@@ -20,8 +20,25 @@ def tried_turns(metrics: pd.DataFrame, task: str) -> pd.DataFrame:
     """
     if "trial_progress" not in metrics:
         return metrics.iloc[:0]
-    rows = metrics[(metrics["task"] == task) & (metrics["subtask"] == -1)]
+    rows = _chains(metrics, task)
     return rows[rows["trial_progress"].notna()]
+
+
+def steps_of_trials(metrics: pd.DataFrame, task: str) -> pd.Series:
+    """Environment steps of the trials of each arm's chain, and of the episodes before its first turn.
+
+    The runs published so far have not counted these episodes (chain.seed_episodes): of them it is the trials alone.
+
+    Args:
+        metrics: see `tried_turns`.
+        task: see `tried_turns`.
+
+    Returns:
+        Index arm; mean over seeds. Nothing where such steps were not logged.
+    """
+    if "trial_steps" not in metrics:
+        return pd.Series(dtype=float)
+    return _chains(metrics, task).groupby(["recipe", "seed"])["trial_steps"].sum().groupby("recipe").mean()
 
 
 def turn_table(metrics: pd.DataFrame, task: str) -> pd.DataFrame:
@@ -34,10 +51,10 @@ def turn_table(metrics: pd.DataFrame, task: str) -> pd.DataFrame:
     Returns:
         Index arm; means over seeds. Columns seeds, turns (of a seed), trial_progress (of the chain that goes on, over
         all turns: of an arm that rises early it is higher at the same end), kept (share of turns that the gate kept),
-        trial_steps (environment steps of a seed's trials) and auc (of the arm's signal, over the turns that have one
-        and were kept; nan where nothing signals).
+        trial_steps (see `steps_of_trials`) and auc (of the arm's signal, over the turns that have one and were kept;
+        nan where nothing signals).
     """
-    rows, lines = tried_turns(metrics, task), {}
+    rows, steps, lines = tried_turns(metrics, task), steps_of_trials(metrics, task), {}
     if rows.empty:
         return pd.DataFrame()
     for arm, mine in rows.groupby("recipe"):
@@ -45,11 +62,16 @@ def turn_table(metrics: pd.DataFrame, task: str) -> pd.DataFrame:
         line = {"seeds": len(seeds), "turns": seeds.size().mean()}
         line["trial_progress"] = seeds["trial_progress"].mean().mean()
         line["kept"] = _mean_over_seeds(mine, ["accepted"])
-        line["trial_steps"] = seeds["trial_steps"].sum().mean() if "trial_steps" in mine else math.nan
+        line["trial_steps"] = steps.get(arm, math.nan)
         kept = mine[mine["accepted"] != 0] if "accepted" in mine else mine
         line["auc"] = _mean_over_seeds(kept, [name for name in mine if str(name).endswith(AUC)])
         lines[str(arm)] = line
     return pd.DataFrame.from_dict(lines, orient="index").rename_axis("arm")
+
+
+def _chains(metrics: pd.DataFrame, task: str) -> pd.DataFrame:
+    """The rows of whole chains."""
+    return metrics[(metrics["task"] == task) & (metrics["subtask"] == -1)]
 
 
 def _mean_over_seeds(rows: pd.DataFrame, columns: Iterable[str]) -> float:

@@ -39,7 +39,8 @@ def brier_score(scores: Tensor, outcomes: Tensor) -> float:
     """The mean squared distance of scores (n,) in [0, 1] from what happened, (n,) in [0, 1].
 
     Returns:
-        In [0, 1], the less the better. Saying the mean outcome p of every state has p (1 - p). NaN if n is 0.
+        In [0, 1], the less the better. Where outcomes are 0 or 1, saying their mean p of every state has p (1 - p). NaN
+        if n is 0.
 
     Source: Brier 1950.
     """

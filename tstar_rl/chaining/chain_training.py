@@ -66,6 +66,7 @@ class ChainTraining:
         save: writes the chain under a name, at a number of steps.
         turn_order: says whose turn it is.
         learned: networks of scores that a turn has trained and that were not put back, as "<index>/<name>".
+        seeding_steps: environment steps of the episodes before the first turn, which the first turn's row counts.
     """
 
     skills: Sequence[Skill]
@@ -79,6 +80,7 @@ class ChainTraining:
     save: Callable[[str, int], None] = lambda name, steps: None
     turn_order: TurnOrder = field(init=False)
     learned: set[str] = field(default_factory=set)
+    seeding_steps: int = 0
     _kept: dict[int, dict[str, Any]] = field(default_factory=dict)
     _waiting: dict[str, Any] = field(default_factory=dict)
     """States of what a resumed run has not made yet, as "<index>/<name>"."""
@@ -87,13 +89,17 @@ class ChainTraining:
         self.turn_order = TurnOrder(self.settings.order, len(self.skills))
 
     def seed_sets(self, trial: Trial) -> None:
-        """Fills the sets with the states of a trial: from where each skill succeeded, and where it then was."""
+        """Fills the sets with the states of a trial before the first turn, and notes its steps.
+
+        From where each skill succeeded, and where it then was.
+        """
         for skill, found in zip(self.skills, trial.skills, strict=True):
             starts = found.starts[found.succeeded]
             skill.initiation_set.extend(TensorDict({"observation": starts}, [len(starts)]))
             skill.termination_set.extend(found.ends)
         self.keep_outcomes(trial)
         self.turn_order.note(trial)
+        self.seeding_steps = trial.steps()
 
     def keep_outcomes(self, trial: Trial, rejected: int | None = None) -> None:
         """Adds what a trial tells of all starts, failed ones too, and of the states on the way to them.

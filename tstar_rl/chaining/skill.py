@@ -7,7 +7,7 @@ from typing import Any
 import torch
 from torch import nn
 
-from tstar_rl.checks import InvalidValueError, check_ranges
+from tstar_rl.checks import InvalidValueError, check_ranges, check_sizes
 from tstar_rl.env.layout import observation_size
 from tstar_rl.models.networks import Discriminator, make_discriminator, make_policy, make_value
 from tstar_rl.models.normalizer import Normalizer, Standardizer
@@ -51,11 +51,7 @@ class NetworkSettings:
                 raise InvalidValueError(
                     f"NetworkSettings.{field} must be one of {', '.join(valid)}; got {getattr(self, field)!r}"
                 )
-        for field in ("hidden", "discriminator_hidden"):
-            if min(getattr(self, field), default=1) < 1:
-                raise InvalidValueError(
-                    f"NetworkSettings.{field} must be sizes of at least 1, got {getattr(self, field)}"
-                )
+        check_sizes(self, "hidden", "discriminator_hidden")
 
 
 class Skill:

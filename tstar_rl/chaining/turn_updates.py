@@ -142,8 +142,9 @@ class TurnUpdates(Training):
     def clone_from_ends(self, share: float, cloning: BehaviourCloningSettings) -> None:
         """Clones the expert again, a share of whose demonstrations begins where the skill before ends.
 
-        They are made now, and stand in the place of as many of the skill's own; the normaliser is fitted to both.
-        Nothing happens before the first skill, with a share of 0, or while the skill before has not succeeded.
+        They are made now, and stand in the place of as many of the skill's own; the normaliser is fitted to both. Where
+        the skill has ended so far is forgotten: its old clone was there, and the next skill is to begin where this one
+        ends. Nothing happens before the first skill, with a share of 0, or while the skill before has not succeeded.
 
         Args:
             share: in [0, 1], of the episodes.
@@ -170,6 +171,7 @@ class TurnUpdates(Training):
         seen = self.expert.observations
         self.skill.normalizer.fit(seen, self.settings.normalizer_floor)
         behaviour_cloning(self.skill.policy, seen, self.expert.actions, cloning, self.seed)
+        self.skill.termination_set.clear()
         torch.manual_seed(self.seed)
 
     def _check_that_it_is_the_only_turn(self) -> None:

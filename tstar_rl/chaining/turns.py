@@ -50,7 +50,7 @@ class Turn(TurnUpdates):
                 self.chain.save("best", self.steps)
 
     def _end(self) -> dict[str, float]:
-        """Lets the gate judge; returns its columns."""
+        """Lets the gate judge; returns its columns. The first turn's trial_steps count the episodes before it, too."""
         found: dict[str, float] = {}
         judgement = self.chain.gate.judge(
             self.run.turn,
@@ -64,7 +64,10 @@ class Turn(TurnUpdates):
             self.chain.learned |= self.learned_here()
         if judgement.after is not None:
             self.chain.keep_outcomes(judgement.after, self.index if judgement.accepted is False else None)
-        return judgement.row(self.index) | found
+        row = judgement.row(self.index) | found
+        if self.run.turn == 0:
+            row["trial_steps"] += self.chain.seeding_steps
+        return row
 
     def _say_how_the_next_does(self, trial: Trial) -> dict[str, float]:
         """How the next skill did with the states it was handed in a trial, and what was said of them before."""

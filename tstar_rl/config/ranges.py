@@ -118,6 +118,8 @@ def check_ranges_of(values: Mapping[str, Any]) -> None:
     for seed in values.get("seeds") or ():
         if seed < 0:
             raise ConfigError(f"seeds must be whole numbers from 0, got {seed}")
+    if len(set(seeds := values.get("seeds") or ())) < len(seeds):
+        raise ConfigError(f"seeds must name each once, got {', '.join(map(str, seeds))}")
     for floor in values.get("floors") or ():
         if not floor > 0:
             raise ConfigError(f"floors must be positive, got {values['floors']}")
@@ -125,6 +127,12 @@ def check_ranges_of(values: Mapping[str, Any]) -> None:
     if find(values, "chain.order") == "costliest" and not gate and every != 1:
         raise ConfigError(
             f"chain.order=costliest needs a trial after every turn: chain.gate=true or chain.trial_every=1, got {every}"
+        )
+    capacity, first = find(values, "spirl.capacity"), find(values, "spirl.policy.first")
+    if capacity is not None and first is not None and capacity < first:
+        raise ConfigError(
+            f"spirl.capacity must be at least spirl.policy.first, the latents before the first update: got {capacity} "
+            f"and {first}"
         )
     _check_task(values["task"]["name"], values["task"]["subtasks"], values)
 

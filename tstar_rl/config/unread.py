@@ -14,6 +14,8 @@ ONE_POLICY = ("bc", "ppo", "gail", "gail_ppo", "spirl")
 """Recipes that train one policy, of a subtask or of the whole task."""
 WHOLE = ("ablate", "assemble", "baselines", "experiment", "gpu_run")
 """Recipes that start others for the whole task."""
+OF_CHAINS = ("hand_over", "hand_over_gap", "ship", "terminal_states")
+"""Recipes that read what a chain's training has left."""
 FINE_TUNING = (
     "feasibility", "hand_over_value", "in_order", "in_order_cloned", "policy_sequencing", "proximity", "scar_like",
     "tstar",
@@ -21,6 +23,7 @@ FINE_TUNING = (
 """Our recipes with the turns of a chain. A recipe of a user's own may read anything."""
 PAPERS = {"score": "terminal", "baseline": "none"}
 """Of terminal_reward: the paper's, which every scale has."""
+CHAINED = "chain.links takes the first skills of a chain"
 LOGGED = 2
 """chain.logged_skill of every scale, whatever the furniture: where a chain has fewer skills, it logs no states."""
 
@@ -32,10 +35,8 @@ def check_what_is_not_read(values: Mapping[str, Any], name: str) -> None:
         ConfigError: for the first; it says what was got, what is valid and where the value belongs.
     """
     chains = "from_checkpoint" in values
-    if values["subtask"] is not None and (chains or name in WHOLE):
-        told = (
-            "chain.links takes the first skills of a chain" if chains else "its steps say which they are of"
-        )
+    if values["subtask"] is not None and (chains or name in (*WHOLE, *OF_CHAINS)):
+        told = "its steps say which they are of" if name in WHOLE else CHAINED
         raise ConfigError(
             f"subtask must be null, got {values['subtask']}: {name} is of the whole task; {told}"
         )
@@ -54,6 +55,10 @@ def _check_rewards(values: Mapping[str, Any], name: str) -> None:
         raise ConfigError(
             f"reward.weights.gail must be 0 for ppo, which makes no such reward; gail_ppo does; got {weights['gail']}"
         )
+    further = {term: weight for term, weight in weights.items() if weight and term != "env"}
+    if name == "spirl" and further:
+        said = ", ".join(f"reward.weights.{term}={weight}" for term, weight in further.items())
+        raise ConfigError(f"spirl makes no reward but env: the other weights must be 0, got {said}")
     if name == "proximity" and weights.get("tsr"):
         raise ConfigError(
             "reward.weights.tsr must be 0 for proximity, whose signal is paid by reward.weights.proximity; "

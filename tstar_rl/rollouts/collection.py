@@ -135,7 +135,7 @@ PAPER_REWARDS = ("reward_env", "reward_gail", "reward_tsr")
 
 
 def rollout_metrics(rollout: TensorDictBase, apart: Tensor | None = None) -> dict[str, float]:
-    """What is logged of a rollout (N, T): its finished episodes, phases and rewards by term.
+    """What is logged of a rollout (N, T): its finished episodes, its mean phase and rewards by term.
 
     Args:
         rollout: of any policy.
@@ -143,9 +143,9 @@ def rollout_metrics(rollout: TensorDictBase, apart: Tensor | None = None) -> dic
             does from a start of its own, so they are counted apart; None: there are none.
 
     Returns:
-        episodes, and of these success_rate, completed (subtasks), episode_length and phase (mean over all their steps),
-        nan where there was none; with `apart` also episodes_apart and success_rate_apart; means of the rewards over
-        all rows.
+        episodes, and of these success_rate, completed (subtasks) and episode_length, nan where there was none; phase,
+        the mean over all rows that are not apart, of episodes that go on too; with `apart` also episodes_apart and
+        success_rate_apart; means of the rewards over all rows.
     """
     following: TensorDictBase = rollout["next"]
     counted = torch.ones_like(following["done"]) if apart is None else ~apart

@@ -16,7 +16,7 @@ from torch import Tensor, nn
 from tstar_rl.chaining.calibration import area_under_curve
 from tstar_rl.env.layout import NUM_PHASES, PARTS
 
-__all__ = ["Decision", "input_groups", "input_names", "strongest_input", "what_decides"]
+__all__ = ["Decision", "input_groups", "input_names", "one_sided", "strongest_input", "what_decides"]
 
 FOLDS, STEPS, MINIBATCH, RATE, DECAY = 4, 400, 128, 1e-3, 1e-2
 HIDDEN, NOISE, CLIP = 64, 0.1, 5.0
@@ -64,8 +64,21 @@ def input_names(parts: Sequence[str]) -> list[str]:
     return [f"{name} {axes.get(size, range(size))[i]}" for name, size in blocks for i in range(size)]
 
 
+def one_sided(observations: Tensor) -> Tensor:
+    """The same states (n, O), every part's quaternion on the side of that part's first one: q and -q are one turn."""
+    out = observations.clone()
+    if not len(out):
+        return out
+    for first in range(PARTS + 3, out.shape[-1] - NUM_PHASES, 7):
+        quats = out[:, first : first + 4]
+        out[:, first : first + 4] = torch.where((quats @ quats[0] < 0).unsqueeze(-1), -quats, quats)
+    return out
+
+
 def strongest_input(observations: Tensor, outcomes: Tensor, names: Sequence[str]) -> tuple[str, float]:
     """The one number that alone tells outcomes best, and its area under the curve: below .5, less of it succeeds.
+
+    The numbers are those of `one_sided`.
 
     Args:
         observations, outcomes: see `what_decides`, which has no say in this.
@@ -76,7 +89,7 @@ def strongest_input(observations: Tensor, outcomes: Tensor, names: Sequence[str]
     """
     if min(int(outcomes.sum()), int((~outcomes).sum())) < LEAST:
         return "", float("nan")
-    states = _signs_of_quaternions(observations.float().cpu())
+    states = one_sided(observations.float().cpu())
     areas = [area_under_curve(states[:, index], outcomes.cpu()) for index in range(len(names))]
     best = max(range(len(names)), key=lambda index: abs(areas[index] - 0.5))
     return names[best], areas[best]
@@ -97,7 +110,7 @@ def what_decides(
     if few:
         return Decision(float("nan"), dict.fromkeys(groups, float("nan")))
     generator = torch.Generator().manual_seed(seed)
-    inputs, outcomes = _signs_of_quaternions(observations.float().cpu()), outcomes.cpu()
+    inputs, outcomes = one_sided(observations.float().cpu()), outcomes.cpu()
     fold = torch.randperm(len(inputs), generator=generator) % FOLDS
     shuffled = [torch.randperm(len(inputs), generator=generator) for _ in range(REPEATS)]
     scores = torch.zeros(len(inputs))
@@ -159,12 +172,3 @@ def _fit(inputs: Tensor, outcomes: Tensor, generator: torch.Generator) -> _Class
         loss.backward()
         optimizer.step()
     return classifier
-
-
-def _signs_of_quaternions(observations: Tensor) -> Tensor:
-    """The same states with every part's quaternion on the side of that part's first one: q and -q are one turn."""
-    out = observations.clone()
-    for first in range(PARTS + 3, out.shape[-1] - NUM_PHASES, 7):
-        quats = out[:, first : first + 4]
-        out[:, first : first + 4] = torch.where((quats @ quats[0] < 0).unsqueeze(-1), -quats, quats)
-    return out

@@ -16,6 +16,7 @@ from tstar_rl.models.state_input import StateInput
 from tstar_rl.rollouts.collection import Collection, rollout_metrics
 from tstar_rl.runs import checkpoint
 from tstar_rl.runs.run import Run
+from tstar_rl.runs.run_config import note_section
 from tstar_rl.spirl.latent_execution import LatentPolicy
 from tstar_rl.spirl.model import LatentModel, LatentModelSettings, LatentPrior, make_latent_actor
 
@@ -133,6 +134,7 @@ class SpirlTraining:
         self.run.record["spirl"] = {k: v for k, v in config["spirl"].items() if k != "total_steps"}
         self.collection = Collection(env, agent.actor, 1)
         self.steps = self.run.start(agent=agent, collection=self.collection, **components)
+        note_section(self.run.results, "spirl", config["spirl"])
         self.is_new = self.steps == 0
         if self.is_new:
             torch.manual_seed(seed)

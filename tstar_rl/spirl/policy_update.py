@@ -11,7 +11,7 @@ from torchrl.envs import ExplorationType, set_exploration_type
 from torchrl.modules import ProbabilisticActor, ValueOperator
 from torchrl.objectives import SACLoss, SoftUpdate
 
-from tstar_rl.checks import check_ranges
+from tstar_rl.checks import check_ranges, check_sizes
 from tstar_rl.equations import divergence_dual_loss, gaussian_kl, prior_regularised_value
 from tstar_rl.spirl.agent import SpirlAgent
 from tstar_rl.spirl.model import LatentCritic, make_latent_critic
@@ -58,6 +58,7 @@ class LatentPolicySettings:
             share=("gamma",),
             positive_share=("tau",),
         )
+        check_sizes(self, "critic_hidden")
 
 
 class PriorRegularisedSACLoss(SACLoss):
@@ -144,7 +145,7 @@ class LatentPolicyUpdate:
     """
 
     def __init__(self, agent: SpirlAgent, settings: LatentPolicySettings) -> None:
-        self.settings, self.minibatches = settings, 0
+        self.settings, self.minibatches, self.owed = settings, 0, 0.0
         self.device = next(agent.actor.parameters()).device
         latent_dim = agent.settings.latent_dim
         network = LatentCritic(latent_dim, settings.critic_hidden, agent.state).to(self.device)
@@ -170,9 +171,13 @@ class LatentPolicyUpdate:
     def __call__(self, buffer: ReplayBuffer, latents: int) -> dict[str, float]:
         """Trains for `latents` new ones in the buffer and returns mean losses for the log; {} if it holds too few.
 
-        The buffer may be on another device than the networks.
+        A part of a minibatch is owed to later calls. The buffer may be on another device than the networks.
         """
-        number = round(self.settings.updates * latents) if len(buffer) >= self.settings.first else 0
+        if len(buffer) < self.settings.first:
+            return {}
+        self.owed += self.settings.updates * latents
+        number = round(self.owed)
+        self.owed -= number
         sums: dict[str, float] = {}
         for _ in range(number):
             for key, value in self._step(buffer.sample(self.settings.minibatch).to(self.device)).items():
@@ -200,11 +205,12 @@ class LatentPolicyUpdate:
         }
 
     def state_dict(self) -> dict[str, Any]:
-        """Critics and their targets, alpha, optimisers."""
+        """Critics and their targets, alpha, optimisers, and how many minibatches were made and are owed."""
         return {
             "loss": {k: v for k, v in self.loss.state_dict().items() if isinstance(v, torch.Tensor)},
             "optimizers": {name: optimizer.state_dict() for name, optimizer in self.optimizers.items()},
             "minibatches": self.minibatches,
+            "owed": self.owed,
         }
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
@@ -213,3 +219,4 @@ class LatentPolicyUpdate:
         for name, optimizer in self.optimizers.items():
             optimizer.load_state_dict(state["optimizers"][name])
         self.minibatches = int(state["minibatches"])
+        self.owed = float(state.get("owed", 0.0))  # a run of before owes nothing

@@ -9,7 +9,7 @@ from matplotlib.ticker import EngFormatter
 
 from tstar_rl.analysis.experiments import arm_table
 from tstar_rl.analysis.figures.panels import arm_dots, arm_legend, panels, readable
-from tstar_rl.analysis.turns import turn_table
+from tstar_rl.analysis.turns import steps_of_trials
 
 __all__ = ["cost_figure", "steps_of_arms"]
 
@@ -17,19 +17,20 @@ __all__ = ["cost_figure", "steps_of_arms"]
 def steps_of_arms(rows: pd.DataFrame, metrics: pd.DataFrame) -> pd.Series:
     """Environment steps of each arm, mean over seeds: its skills', those it learned from after them, and its trials'.
 
+    The episodes before the first turn (chain.seed_episodes) are counted with the trials, but not in the runs published
+    so far, which have not logged them.
+
     Args:
         rows: see `experiments.arm_table`, with a column env_steps.
         metrics: of `read_metrics`; an arm without trials in it has none.
     """
-    task = rows["task"].iloc[0]
-    turns = turn_table(metrics, task)
-    trials = turns["trial_steps"] if len(turns) else pd.Series(dtype=float)
+    trials = steps_of_trials(metrics, rows["task"].iloc[0])
     learned = rows.groupby("arm", sort=False)["env_steps"].mean()
     return learned.add(trials.reindex(learned.index, fill_value=0))
 
 
 def cost_figure(rows: pd.DataFrame, metrics: pd.DataFrame, labels: Mapping[str, str] | None = None) -> Figure:
-    """Progress of each arm of a task, with its interval, against all environment steps that it took.
+    """Progress of each arm of a task, with its interval, against its environment steps, see `steps_of_arms`.
 
     Args:
         rows: see `steps_of_arms`.
