@@ -70,6 +70,8 @@ class BatchedEnvironment:
         self.subtask, self.num_sims = subtask, num_sims
         if physics is None or isinstance(physics, str):
             physics = make_physics(build_model(self.furniture), num_sims, nthread, device, physics)
+        elif physics.num_sims != num_sims:
+            raise ValueError(f"physics has {physics.num_sims} simulations, and num_sims is {num_sims}")
         self.physics, self.model = physics, physics.model
         self.generator = torch.Generator()
         self.task = Assembly(self.furniture, self.physics, subtask, self.settings, self.generator)

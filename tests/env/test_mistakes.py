@@ -70,9 +70,11 @@ def test_positions_of_another_shape(env, rows):
         env.with_qpos(snapshot, qpos)
 
 
-@pytest.mark.parametrize("noise", [-1, float("nan"), float("inf")])
+@pytest.mark.parametrize("noise", [-1, float("nan"), float("inf"), 10**400])
 def test_noise_of_the_expert_that_cannot_be(env, noise):
-    with pytest.raises(ValueError, match=f"noise of the expert must be a finite number from 0, got {noise}"):
+    with pytest.raises(
+        ValueError, match=f"noise of the expert must be a finite number from 0, got {str(noise)[:20]}"
+    ):
         env.expert(noise)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, cast
@@ -12,6 +11,7 @@ from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 from torchrl.envs import EnvBase
 
+from tstar_envs.checks import is_finite, short
 from tstar_envs.environment import BatchedEnvironment
 from tstar_envs.settings import TaskSettings
 from tstar_rl.env import showing
@@ -135,8 +135,8 @@ class FurnitureEnv(EnvBase):
         Raises:
             ValueError: the noise is negative or not finite.
         """
-        if not (math.isfinite(noise) and noise >= 0):
-            raise ValueError(f"noise of the expert must be a finite number from 0, got {noise!r}")
+        if not (is_finite(noise) and noise >= 0):
+            raise ValueError(f"noise of the expert must be a finite number from 0, got {short(noise)}")
         assembler = self.world.expert()
         self.world.physics.forward()
 

@@ -22,6 +22,12 @@ def pair(name: str, subtask: int | None = None, **settings) -> tuple[BatchedEnvi
     return worlds
 
 
+def test_a_view_of_another_number_of_simulations_is_refused():
+    model = build_model(load("table_lack"))
+    with pytest.raises(ValueError, match="physics has 1 simulations, and num_sims is 3"):
+        BatchedEnvironment("table_lack", 3, physics=SinglePhysics(model, mujoco.MjData(model)))
+
+
 def same(one: BatchedEnvironment, other: BatchedEnvironment) -> bool:
     snapshots = one.snapshot(), other.snapshot()
     return torch.equal(one.observation(), other.observation()) and all(
