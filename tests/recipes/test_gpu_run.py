@@ -7,7 +7,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 from hydra.core.global_hydra import GlobalHydra
-from recipe_runs import places, run
+from recipe_runs import SMALL, places, run
 
 from tstar_rl.runs import checkpoint
 
@@ -18,16 +18,22 @@ CHAIN = ["chain.steps_per_turn=256", "chain.trial_episodes=8", "chain.seed_episo
 @pytest.mark.slow
 @pytest.mark.timeout(4200)  # a dozen processes a call
 def test_slices_go_on_from_one_another_until_all_is_done(tmp_path):
-    values = ["scales=[quick]", "device=cpu", *CHAIN, *places(tmp_path, "a")]
+    values = [
+        "scales=[quick]",
+        "device=cpu",
+        *SMALL[1:],
+        *CHAIN,
+        *places(tmp_path, "a"),
+    ]  # without scale=quick
     values += [f"demonstrations_dir={tmp_path}", "evaluation.episodes=4", "evaluation.whole_episodes=4"]
 
     results = tmp_path / "a" / "results"
-    short = run("gpu_run", "minutes=0.01", *values)  # no step is done in less than a second
+    short = run("gpu_run", "minutes=0.01", *values, small=False)  # no step is done in less than a second
     assert short.returncode == 1 and "make_demonstrations" in short.stderr, short.stderr
-    stopped = run("gpu_run", "minutes=0.3", *values)  # some skill or other
+    stopped = run("gpu_run", "minutes=0.3", *values, small=False)  # some skill or other
     assert stopped.returncode == 75, stopped.stderr
     assert not (results / "table_lack" / "tstar" / "seed0" / "evaluation.csv").exists()
-    done = run("gpu_run", "minutes=60", *values)
+    done = run("gpu_run", "minutes=60", *values, small=False)
     assert done.returncode == 0, done.stderr
     assert "scale=quick" in done.stdout
     table = pd.read_csv(results / "table_lack" / "tstar" / "seed0" / "evaluation.csv")
@@ -37,7 +43,7 @@ def test_slices_go_on_from_one_another_until_all_is_done(tmp_path):
     assert {"tstar", "evaluate system=tstar video=false", "gail_ppo subtask=3"} <= set(minutes.index)
 
     files = {file: file.stat().st_mtime_ns for file in results.rglob("metrics.csv")}
-    assert run("gpu_run", *values).returncode == 0
+    assert run("gpu_run", *values, small=False).returncode == 0
     assert {file: file.stat().st_mtime_ns for file in results.rglob("metrics.csv")} == files
 
 
