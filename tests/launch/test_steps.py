@@ -2,6 +2,7 @@
 
 import functools
 import os
+import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -74,7 +75,6 @@ def finish(
         results = Path(config.results_dir) / step_files(step, config)[0].parent.relative_to(config.runs_dir)
         results.mkdir(parents=True, exist_ok=True)
         (results / "config.yaml").write_text(yaml.safe_dump(plain(config)))
-        (results / "metrics.csv").write_text("env_steps\n")
 
 
 TRAIN, EVALUATE = ("gail_ppo", "subtask=1"), ("evaluate", "system=gail_ppo", "subtask=1")
@@ -128,9 +128,9 @@ def test_an_evaluation_of_another_world_or_of_other_skills_is_not_taken_for_the_
         steps.evaluated_runs(step_config((*step, "subtask=2"), shared))
 
 
-def test_a_training_whose_tables_are_gone_is_not_done(shared):
+def test_a_training_whose_results_are_gone_is_not_done(shared):
     finish(TRAIN, shared, at=1)
-    (steps.run_folder(step_config(TRAIN, shared), "results_dir") / "metrics.csv").unlink()
+    shutil.rmtree(steps.run_folder(step_config(TRAIN, shared), "results_dir"))
     assert not is_done(TRAIN, shared)
 
 

@@ -117,7 +117,13 @@ def test_a_killed_chain_resumes_to_the_same_figures(tmp_path):
     (tmp_path / "killed").mkdir()
     shutil.copytree(tmp_path / "whole" / "runs", tmp_path / "killed" / "runs")
 
-    chain = [demonstrations, "chain.rounds=1", "chain.steps_per_turn=512", "chain.trial_episodes=8"]
+    chain = [
+        demonstrations,
+        "demonstrations.episodes=16",
+        "chain.rounds=1",
+        "chain.steps_per_turn=512",
+        "chain.trial_episodes=8",
+    ]
     files, chains = {}, {}
     for name in ("whole", "killed"):
         values = [*chain, *places(tmp_path, name)]

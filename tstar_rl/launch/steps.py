@@ -67,7 +67,7 @@ def is_done(step: Step, shared: Sequence[str] = (), ignored: Sequence[str] = ())
     """Whether a step need not be run: its files are there, and are what the step would make.
 
     Demonstrations are done if their files are there, and hold what the step would make. A training is done if it has
-    finished with the same config (SPiRL's also with more steps than are asked for) and its tables are there. Whether
+    finished with the same config (SPiRL's also with more steps than are asked for) and its results are there. Whether
     its demonstrations or skills were made again since is not asked: with one config and one commit they are the same to
     the bit. An evaluation is done if every run that it evaluates has finished before it, and its table has each
     checkpoint that these have left, in all modes, with the number of episodes that is asked for. With resume=false
@@ -97,7 +97,7 @@ def is_done(step: Step, shared: Sequence[str] = (), ignored: Sequence[str] = ())
     ignored = (*MACHINE_ONLY, *ignored, *(CHAINING if step[0] in ONE_POLICY else ()))
     totals = [values.get("spirl", {}).pop("total_steps", 0) for values in (saved, asked)]
     _check_config(results, saved, {name: value for name, value in asked.items() if name not in ignored})
-    return bool(saved) and (results / "metrics.csv").is_file() and totals[0] >= totals[1]
+    return bool(saved) and totals[0] >= totals[1]
 
 
 def missing(steps: Sequence[Step], shared: Sequence[str] = (), ignored: Sequence[str] = ()) -> list[Step]:
