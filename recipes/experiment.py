@@ -13,6 +13,7 @@ lies there is left out; of the rest, what it starts from is made anew, which giv
 that lie there stay, and other numbers are an error.
 """
 
+import itertools
 import threading
 from contextlib import nullcontext
 from pathlib import Path
@@ -70,9 +71,7 @@ def main(config: DictConfig) -> None:
         if not done:
             run_until(end, step, line=line, code=root)
 
-    for commit, step in (
-        lanes[0] if lanes else ()
-    ):  # a mistake in an arm is told before the first arm is trained
+    for commit, step in itertools.chain(*lanes[:1]):  # a mistake in an arm is told before any is trained
         with nullcontext() if commit is None else configs_of(code[commit]):
             step_config(without_bonus(step))
     over = False

@@ -21,7 +21,7 @@ from tstar_rl.config.demonstrations import check_made, demonstrated
 from tstar_rl.config.load import ONE_POLICY
 from tstar_rl.config.values import plain
 from tstar_rl.launch.side_by_side import Step
-from tstar_rl.runs.checkpoint import CheckpointMismatchError, differences
+from tstar_rl.runs.checkpoint import CheckpointMismatchError, check_config, differences
 from tstar_rl.runs.run import MACHINE_ONLY
 from tstar_rl.runs.run_config import read_config
 from tstar_rl.runs.run_folder import UNTRAINED, run_path
@@ -96,7 +96,7 @@ def is_done(step: Step, shared: Sequence[str] = (), ignored: Sequence[str] = ())
     saved = read_config(results)
     ignored = (*MACHINE_ONLY, *ignored, *(CHAINING if step[0] in ONE_POLICY else ()))
     totals = [values.get("spirl", {}).pop("total_steps", 0) for values in (saved, asked)]
-    _check_config(results, saved, {name: value for name, value in asked.items() if name not in ignored})
+    check_config(results, saved, {name: value for name, value in asked.items() if name not in ignored})
     return bool(saved) and totals[0] >= totals[1]
 
 
@@ -153,19 +153,11 @@ def check_evaluation(folder: Path, config: Mapping[str, Any]) -> None:
         CheckpointMismatchError: with what differs.
     """
     saved = read_config(folder)
-    own = ("skills", "links") if saved.get("evaluation_only") else ()
-    there, now = (
-        {
-            "env": values.get("env"),
-            "skills": values.get("skills"),
-            "links": values.get("chain", {}).get("links"),
-        }
-        for values in (saved, config)
-    )
-    wrong = differences(
-        {name: there[name] for name in ("env", *own)}, {name: now[name] for name in ("env", *own)}
-    )
-    if saved and wrong:
+    if not saved:
+        return
+    names = ("env", "skills", "links") if saved.get("evaluation_only") else ("env",)
+    there, now = ({**values, "links": values.get("chain", {}).get("links")} for values in (saved, config))
+    if wrong := differences(*({name: values.get(name) for name in names} for values in (there, now))):
         raise CheckpointMismatchError(
             f"{folder} has the results of something else: {'; '.join(wrong)}. Give the scale that it has, or another "
             "results_dir=..., or, of skills chained as they are, another system=no_finetuning_<name>"
@@ -189,11 +181,3 @@ def _is_evaluated(config: DictConfig) -> bool:
     return asked <= set(rows["mode"]) and all(
         asked <= set(rows[rows.checkpoint == name]["mode"]) for name in left
     )
-
-
-def _check_config(results: Path, saved: Mapping[str, Any], asked: Mapping[str, Any]) -> None:
-    """Raises CheckpointMismatchError if a training has finished with another config than is asked for."""
-    wanted = {name: value for name, value in asked.items() if name in saved}
-    wrong = differences({name: saved[name] for name in wanted}, wanted)
-    if wrong:
-        raise CheckpointMismatchError(f"{results}: {'; '.join(wrong)} (resume=false starts over)")

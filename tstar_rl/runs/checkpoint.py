@@ -28,6 +28,7 @@ from tstar_rl.runs.run_folder import made_by
 __all__ = [
     "CheckpointMismatchError",
     "DamagedCheckpointError",
+    "check_config",
     "differences",
     "is_checkpoint",
     "latest",
@@ -173,6 +174,16 @@ def _remove_remains(destination: Path) -> None:
     for left in destination.parent.glob(f".*{destination.name}*"):
         if re.fullmatch(rf"\.+{re.escape(destination.name)}(-\d+)?(\.[a-z]+-[0-9a-f]{{32}})+", left.name):
             shutil.rmtree(left, ignore_errors=True)
+
+
+def check_config(results: Path, saved: Mapping[str, Any], asked: Mapping[str, Any]) -> None:
+    """Raises CheckpointMismatchError if the finished run at `results` was saved with other values than are asked for.
+
+    What was not saved is not compared.
+    """
+    wanted = {name: value for name, value in asked.items() if name in saved}
+    if wrong := differences({name: saved[name] for name in wanted}, wanted):
+        raise CheckpointMismatchError(f"{results}: {'; '.join(wrong)} (resume=false starts over)")
 
 
 def differences(saved: Any, wanted: Any, name: str = "") -> list[str]:

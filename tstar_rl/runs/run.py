@@ -134,15 +134,11 @@ class Run:
     def _check_same(self) -> None:
         """Raises CheckpointMismatchError if the run that has finished here had another config."""
         saved = read_config(self.results)
-        wanted = {name: value for name, value in self.record.items() if name in saved}
-        if "spirl" in wanted:  # of which the total is not recorded
+        if "spirl" in saved:  # of which the total is not recorded
             saved["spirl"] = {
-                name: value for name, value in saved["spirl"].items() if name in wanted["spirl"]
+                name: value for name, value in saved["spirl"].items() if name in self.record.get("spirl", ())
             }
-        if wrong := checkpoint.differences({name: saved[name] for name in wanted}, wanted):
-            raise checkpoint.CheckpointMismatchError(
-                f"{self.results} is of a run that has finished: {'; '.join(wrong)} (resume=false starts over)"
-            )
+        checkpoint.check_config(self.results, saved, self.record)
 
     def log(self, env_steps: int, **row: Any) -> None:
         """Adds a row at `env_steps` and moves the bar."""
