@@ -1,5 +1,7 @@
 """Which skills are learned, on numbers made by hand."""
 
+import shutil
+
 import pandas as pd
 import pytest
 from published_runs import THEIRS, contents
@@ -44,7 +46,10 @@ def test_last_checkpoints_of_the_tasks_skills_count():
     pd.testing.assert_frame_equal(found, kept)
 
 
-def test_the_page_says_which_skills_are_learned(published):
+@pytest.mark.parametrize("arms", [True, False], ids=["with arms", "skills alone"])
+def test_the_page_says_which_skills_are_learned(published, arms):
+    if not arms:
+        shutil.rmtree(published / "odd/table")
     for seed, success in ((3, 1.0), (4, 0.9), (5, 0.95)):
         folder = published / f"odd/table/gail_ppo/seed{seed}/subtask0"
         folder.mkdir(parents=True)
@@ -61,6 +66,7 @@ def test_the_page_says_which_skills_are_learned(published):
     plain = {"folder": "plain", "kind": "paper"}
     contents(published, [odd, plain], {})
     assert "skills are learned" not in results_page(published, THEIRS, "")
+    assert ("#### Arms" in results_page(published, THEIRS, "")) == arms
     contents(published, [{**odd, "learned": {"mean": 0.95, "lowest": 0.9, "seeds": 3}}, plain], {})
     page = results_page(published, THEIRS, "")
     assert "#### Which skills are learned\n\n| subtask | success of each seed [95%, Wilson] | mean |" in page

@@ -51,7 +51,8 @@ class Experiment:
 
     root: Path
     arms: pd.DataFrame
-    """A row for each task, arm, seed, checkpoint and mode: the columns of evaluation.csv, and commit."""
+    """A row for each task, arm, seed, checkpoint and mode: the columns of evaluation.csv, and commit; none where only
+    skills were trained yet."""
     skills: pd.DataFrame
     """The same of skills alone, with the subtask of each."""
     hand_over: pd.DataFrame
@@ -93,11 +94,11 @@ def read_experiment(root: str | Path, one_commit: bool = False) -> Experiment:
         one_commit: refuse arms whose config.yaml name different commits, or none.
 
     Raises:
-        FileNotFoundError: if no arm has an evaluation.csv.
+        FileNotFoundError: if neither an arm nor a skill has an evaluation.csv.
         ValueError: see `Experiment.check_one_commit`.
     """
     found = read_evaluations(root)
-    if found.empty or (found["subtask"] != -1).all():
+    if found.empty:
         raise FileNotFoundError(f"no <task>/<arm>/seed<k>/evaluation.csv below {root}")
     # A script does not learn: it is its own last checkpoint.
     found = found.rename(columns={"recipe": "arm"}).replace({"checkpoint": {"script": "last"}})

@@ -1,8 +1,9 @@
 """Recipes run as processes of their own, some at a time, here or wherever a launcher takes them."""
 
 import os
-import subprocess
 import sys
+import threading
+import time
 import traceback
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -15,6 +16,7 @@ from hydra.errors import HydraException
 from omegaconf.errors import OmegaConfBaseException
 
 from tstar_rl.checks import MissingFileError, UserError
+from tstar_rl.launch.children import end_children, ended_by_kill, run_child
 from tstar_rl.launch.code_of_commit import environ_of
 from tstar_rl.runs.run_folder import RECIPES, made_by
 
@@ -49,7 +51,7 @@ def run_recipe(
     environ = {**found, "TQDM_POSITION": str(line), "TQDM_MININTERVAL": "1", "OMP_NUM_THREADS": "1"}
     recipes = RECIPES if code is None else code / "recipes"
     command = [sys.executable, str(recipes / f"{name}.py"), *shared, *values]
-    if subprocess.run(command, env=environ, check=False, timeout=seconds).returncode:
+    if run_child(command, environ, seconds):
         raise SystemExit(f"this step failed: {' '.join(command)}")
 
 
@@ -61,7 +63,7 @@ def run_side_by_side(
 ) -> None:
     """Runs each lane's steps one after another, and up to `processes` lanes at once.
 
-    A step that fails ends its lane; the other lanes go on.
+    A step that fails ends its lane; the other lanes go on. Ctrl-C and SIGTERM end all of them, and what they run.
 
     Args:
         lanes: that do not wait for each other, of `Step`, or of whatever `run` takes.
@@ -71,8 +73,10 @@ def run_side_by_side(
             `run_recipe`.
 
     Raises:
-        SystemExit: at the end, if a step has failed, with the commands that did.
+        SystemExit: at the end, if a step has failed, with the commands that did; at SIGTERM.
+        KeyboardInterrupt: at Ctrl-C.
     """
+    stopped = threading.Event()
     lines: SimpleQueue[int] = SimpleQueue()
     for line in range(processes):
         lines.put(line)
@@ -81,7 +85,8 @@ def run_side_by_side(
         line = lines.get()
         try:
             for step in lanes[lane]:
-                (run or run_recipe)(step, shared, line)
+                if not stopped.is_set():
+                    (run or run_recipe)(step, shared, line)
         except (SystemExit, UserError, HydraException, OmegaConfBaseException) as failure:
             return str(failure)
         except Exception as failure:  # of the program: the other lanes' hours are not lost to it
@@ -90,8 +95,16 @@ def run_side_by_side(
             lines.put(line)
         return None
 
-    with ThreadPoolExecutor(processes) as pool:
-        failures = [failure for failure in pool.map(follow, range(len(lanes))) if failure]
+    with ended_by_kill(), ThreadPoolExecutor(processes) as pool:
+        running = [pool.submit(follow, lane) for lane in range(len(lanes))]
+        try:
+            failures = [failure for lane in running if (failure := lane.result())]
+        except BaseException:
+            stopped.set()
+            while not all(lane.done() for lane in running):
+                end_children()
+                time.sleep(0.1)
+            raise
     if failures:
         raise SystemExit("\n".join(failures))
 

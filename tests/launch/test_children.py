@@ -1,0 +1,71 @@
+"""Recipes that run side by side end with the process that started them."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from tstar_rl.launch.children import run_child
+
+QUEUE = """
+import sys
+from pathlib import Path
+from tstar_rl.launch import side_by_side
+side_by_side.RECIPES = Path(sys.argv[1])
+side_by_side.run_side_by_side([[("wait", "a"), ("wait", "b")], [("wait", "c"), ("wait", "d")], [("wait", "e")]], [], 2)
+"""
+WAIT = """
+import os, sys, time
+from pathlib import Path
+Path(__file__).with_name(sys.argv[1]).write_text(str(os.getpid()))
+time.sleep(60)
+"""
+
+
+def lives(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def wait_for(*files: Path) -> list[int]:
+    """The processes that wrote their number into these files."""
+    end = time.monotonic() + 60
+    while time.monotonic() < end:
+        found = [file.read_text() for file in files if file.is_file()]
+        if len(found) == len(files) and all(found):
+            return [int(number) for number in found]
+        time.sleep(0.05)
+    raise AssertionError(f"only {os.listdir(files[0].parent)}")
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, -signal.SIGINT)])
+def test_what_runs_ends_with_the_queue_and_nothing_more_is_begun(tmp_path, number, code):
+    (tmp_path / "wait.py").write_text(WAIT)
+    queue = subprocess.Popen([sys.executable, "-c", QUEUE, str(tmp_path)], stderr=subprocess.PIPE)
+    steps = wait_for(tmp_path / "a", tmp_path / "c")
+    queue.send_signal(number)  # to it alone, as `kill` does
+    queue.communicate(timeout=30)
+    assert queue.returncode == code
+    assert not any(map(lives, steps))
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["a", "c", "wait.py"]
+
+
+def test_a_child_that_takes_too_long_is_killed(tmp_path):
+    note = tmp_path / "note"
+    script = f"import os, time; open({str(note)!r}, 'w').write(str(os.getpid())); time.sleep(60)"
+    with pytest.raises(subprocess.TimeoutExpired):
+        run_child([sys.executable, "-c", script], os.environ, 2)
+    assert not lives(int(note.read_text()))
+
+
+def test_signals_are_as_before_afterwards():
+    before = signal.getsignal(signal.SIGTERM)
+    assert run_child([sys.executable, "-c", "raise SystemExit(3)"], os.environ) == 3
+    assert signal.getsignal(signal.SIGTERM) is before

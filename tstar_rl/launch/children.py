@@ -1,0 +1,64 @@
+"""Processes that this one starts, and that end when it is told to end, by Ctrl-C or by `kill`."""
+
+import signal
+import subprocess
+import threading
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import NoReturn
+
+__all__ = ["end_children", "ended_by_kill", "run_child"]
+
+_running: set[subprocess.Popen[bytes]] = set()
+
+
+def run_child(command: Sequence[str], environ: Mapping[str, str], seconds: float | None = None) -> int:
+    """Runs a command to its end.
+
+    Args:
+        command: and its arguments.
+        environ: its environment.
+        seconds: that it may take; None: as long as it does.
+
+    Returns:
+        Its exit code; that of a signal is negative.
+
+    Raises:
+        TimeoutExpired: if it was not done in `seconds`; it is killed then, as it is by whatever else ends the wait.
+    """
+    with ended_by_kill(), subprocess.Popen(command, env=environ) as child:
+        _running.add(child)
+        try:
+            return child.wait(seconds)
+        except BaseException:
+            child.kill()
+            raise
+        finally:
+            _running.discard(child)
+
+
+def end_children() -> None:
+    """Ends what `run_child` is waiting for in other threads, which then see its exit code."""
+    for child in list(_running):
+        child.terminate()
+
+
+@contextmanager
+def ended_by_kill() -> Iterator[None]:
+    """Within it SIGTERM raises SystemExit, in the main thread, so that children can be ended first.
+
+    A process that dies of the signal leaves them running. In another thread it does nothing: Python hands signals to
+    the main one.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def end(number: int, _frame: object) -> NoReturn:
+        raise SystemExit(128 + number)
+
+    before = signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
