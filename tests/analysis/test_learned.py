@@ -4,7 +4,7 @@ import shutil
 
 import pandas as pd
 import pytest
-from published_runs import THEIRS, contents
+from published_runs import COMMIT, THEIRS, contents
 
 from tstar_rl.analysis.learned import Learned, evaluated_skills, learned_skills
 from tstar_rl.analysis.page import results_page
@@ -62,11 +62,13 @@ def test_the_page_says_which_skills_are_learned(published, arms):
             "success_high": 1.0,
         }
         pd.DataFrame([row]).to_csv(folder / "evaluation.csv", index=False)
+        (folder / "config.yaml").write_text(f"versions: {{commit: {COMMIT}}}")
     odd = {"folder": "odd", "kind": "experiment"}
     plain = {"folder": "plain", "kind": "paper"}
     contents(published, [odd, plain], {})
     assert "skills are learned" not in results_page(published, THEIRS, "")
     assert ("#### Arms" in results_page(published, THEIRS, "")) == arms
+    assert ("All skills come from commit ccccccc." in results_page(published, THEIRS, "")) == (not arms)
     contents(published, [{**odd, "learned": {"mean": 0.95, "lowest": 0.9, "seeds": 3}}, plain], {})
     page = results_page(published, THEIRS, "")
     assert "#### Which skills are learned\n\n| subtask | success of each seed [95%, Wilson] | mean |" in page

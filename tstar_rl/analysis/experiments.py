@@ -72,9 +72,10 @@ class Experiment:
         return {task: arm_scores(self.chosen(task, checkpoint, mode)) for task in self.tasks}
 
     def commits(self) -> dict[str, list[str]]:
-        """The runs of each commit, as task/arm/seed<k>; see `commit_of`."""
+        """The runs of each commit, as task/arm/seed<k>; see `commit_of`. Where there is no arm yet, those of skills."""
         found: dict[str, list[str]] = {}
-        for row in self.arms.drop_duplicates(["task", "arm", "seed"]).itertuples():
+        runs = self.arms if len(self.arms) else self.skills
+        for row in runs.drop_duplicates(["task", "arm", "seed"]).itertuples():
             found.setdefault(str(row.commit), []).append(f"{row.task}/{row.arm}/seed{row.seed}")
         return found
 

@@ -193,10 +193,10 @@ def comparisons(experiment: Experiment, paper: Paper, entry: Entry, task: str) -
 
 
 def commits(experiment: Experiment) -> str:
-    """A sentence that names the commits of the arms."""
-    found = experiment.commits()
+    """A sentence that names the commits of the arms, or of skills where there is no arm yet."""
+    found, what = experiment.commits(), "arms" if len(experiment.arms) else "skills"
     if len(found) == 1:
-        return f"All arms come from commit {short_commit(next(iter(found)))}.\n"
+        return f"All {what} come from commit {short_commit(next(iter(found)))}.\n"
     parts = []
     for commit, runs in found.items():
         seeds: dict[str, dict[str, list[str]]] = {}
@@ -205,7 +205,7 @@ def commits(experiment: Experiment) -> str:
             seeds.setdefault(task, {}).setdefault(arm, []).append(seed.removeprefix("seed"))
         named = "; ".join(f"`{task}`: {_with_seeds(arms)}" for task, arms in seeds.items())
         parts.append(f"- {short_commit(commit)}: {named}\n")
-    return "The arms come from several commits:\n\n" + "".join(parts)
+    return f"The {what} come from several commits:\n\n" + "".join(parts)
 
 
 def _with_seeds(arms: dict[str, list[str]]) -> str:
