@@ -23,8 +23,8 @@ from tstar_rl.analysis import (
 )
 from tstar_rl.analysis.variants import FOLDER, SKILLS, Variant, names, read
 from tstar_rl.checks import InvalidValueError
-from tstar_rl.config.chain import chain_length
 from tstar_rl.config.load import recipe
+from tstar_rl.config.ranges import chain_length
 from tstar_rl.config.values import plain
 from tstar_rl.launch.backends import launcher
 from tstar_rl.launch.side_by_side import Step, mean_bonus, run_side_by_side

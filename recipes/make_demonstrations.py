@@ -9,8 +9,8 @@ from functools import partial
 from omegaconf import DictConfig
 from tqdm import tqdm
 
-from tstar_rl.config.build import demonstrations_path, environment
-from tstar_rl.config.demonstrations import check_made, demonstrated
+from tstar_rl.config.build import environment
+from tstar_rl.config.demonstrations import check_made, demonstrated, demonstrations_path
 from tstar_rl.config.load import recipe
 from tstar_rl.demonstrations.collect import collect
 from tstar_rl.demonstrations.file_check import KINDS

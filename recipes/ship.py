@@ -20,7 +20,7 @@ from tstar_rl.checks import MissingFileError
 from tstar_rl.config.load import recipe
 from tstar_rl.config.values import plain
 from tstar_rl.launch.steps import evaluated_runs, run_folder
-from tstar_rl.runs.checkpoint import CheckpointMismatchError, differences
+from tstar_rl.runs.mismatch import CheckpointMismatchError, differences
 from tstar_rl.runs.run_config import read_config
 from tstar_rl.runs.run_folder import made_by
 from tstar_rl.shipped.chain import save_shipped

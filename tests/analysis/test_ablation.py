@@ -10,7 +10,7 @@ from hydra.errors import MissingConfigException
 
 from tstar_rl.analysis import ablation_figure, ablation_finding, ablation_table, load_ablation, variants
 from tstar_rl.analysis.variants import SKILLS
-from tstar_rl.config.chain import chain_length
+from tstar_rl.config.ranges import chain_length
 from tstar_rl.config.values import CONFIGS
 from tstar_rl.launch import side_by_side
 from tstar_rl.rollouts.collection import rollout_metrics, with_starts

@@ -89,12 +89,7 @@ def test_a_users_runs_change_no_tracked_file(tmp_path):
     said(*git, str(clone), "add", ".")
     said(*git, str(clone), "commit", "-qm", "all")
     environ = {**os.environ, "PYTHONPATH": os.pathsep.join([str(clone), str(clone / "envs")])}
-    few = [
-        "evaluation.whole_episodes=2",
-        "evaluation.episodes=2",
-        "evaluation.recorded=1",
-        "+env.max_steps=40",
-    ]
+    few = ["evaluation.whole_episodes=2", "evaluation.episodes=2", "evaluation.recorded=1"]
     small = [
         "scale=quick",
         "subtask=0",
@@ -107,7 +102,7 @@ def test_a_users_runs_change_no_tracked_file(tmp_path):
         ("make_demonstrations", *small),
         ("gail_ppo", *small),
         ("evaluate", "system=gail_ppo", "video=false", *small, *few),
-        ("evaluate", "pretrained=table_lack", *few),
+        ("evaluate", "pretrained=table_lack", "+env.max_steps=40", *few),
         ("watch", "simulations=1", "subtask=0"),
     ):
         called = [sys.executable, f"recipes/{name}.py", *values]

@@ -7,7 +7,7 @@ from tensordict import TensorDict
 from tstar_rl.chaining.chain import load_chain
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.chaining.turns import Turn
-from tstar_rl.runs.checkpoint import CheckpointMismatchError
+from tstar_rl.runs.mismatch import CheckpointMismatchError
 
 NUM_SKILLS = 4
 SHORT = ("chain.gate=false", "chain.steps_per_turn=512", "chain.trial_every=100")

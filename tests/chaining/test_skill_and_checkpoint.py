@@ -10,7 +10,8 @@ from torchrl.envs import ExplorationType, set_exploration_type
 from tstar_rl.chaining.chain import ChainPolicy, chain_folders, load_chain, save_chain
 from tstar_rl.chaining.skill import NetworkSettings, Skill
 from tstar_rl.runs import checkpoint
-from tstar_rl.runs.checkpoint import CheckpointMismatchError, DamagedCheckpointError
+from tstar_rl.runs.checkpoint import DamagedCheckpointError
+from tstar_rl.runs.mismatch import CheckpointMismatchError, differences
 
 SMALL = NetworkSettings(hidden=(16,), std="fixed", discriminator_hidden=(16,))
 
@@ -58,7 +59,7 @@ def test_the_newest_complete_checkpoint_is_found(tmp_path):
 
 
 def test_differences_are_named_by_their_path():
-    texts = checkpoint.differences({"ppo": {"epochs": 4}, "seed": 0}, {"ppo": {"epochs": 5}, "seed": 0})
+    texts = differences({"ppo": {"epochs": 4}, "seed": 0}, {"ppo": {"epochs": 5}, "seed": 0})
     assert texts == ["ppo.epochs was 4 when it was saved, and is 5 now"]
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 from hydra import compose, initialize_config_dir
 
-from tstar_rl.config.build import demonstrations_path
 from tstar_rl.config.check import ConfigError
+from tstar_rl.config.demonstrations import demonstrations_path
 from tstar_rl.config.load import check_config, recipe
 from tstar_rl.config.values import CONFIGS, settings
 from tstar_rl.updates import PPOSettings

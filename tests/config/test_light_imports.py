@@ -41,3 +41,8 @@ def test_an_answer_does_not_wait_for_torch(name, values, tmp_path):
 def test_a_recipe_loads_nothing_before_its_main(tmp_path):
     paths = [command(name)[1] for name in LIGHT]
     assert imported(f"for path in {paths!r}: runpy.run_path(path)", tmp_path) == "\n"
+
+
+def test_what_starts_other_recipes_does_not_wait_for_torch(tmp_path):
+    paths = [command(name)[1] for name in ("assemble", "baselines", "experiment")]
+    assert imported(f"for path in {paths!r}: runpy.run_path(path)", tmp_path) == "pandas\n"

@@ -18,7 +18,7 @@ from tstar_rl.config.values import CONFIGS, plain
 from tstar_rl.demonstrations.header import DemonstrationError
 from tstar_rl.launch import experiment, steps
 from tstar_rl.launch.steps import is_done, missing, step_config, step_files
-from tstar_rl.runs.checkpoint import CheckpointMismatchError
+from tstar_rl.runs.mismatch import CheckpointMismatchError
 from tstar_rl.runs.run_config import note_evaluation
 
 SUBTASKS = 4

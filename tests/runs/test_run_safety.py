@@ -13,6 +13,7 @@ from saved_run import a_run, a_run_that_saved, contents
 from tstar_rl.runs import checkpoint, lock, versions
 from tstar_rl.runs.csv_tables import LogError
 from tstar_rl.runs.lock import RunInUseError
+from tstar_rl.runs.mismatch import CheckpointMismatchError
 
 ROOT = Path(__file__).resolve().parents[2]
 HOLD = "import sys; from pathlib import Path; from tstar_rl.runs import lock; lock.hold(Path(sys.argv[1])); "
@@ -115,7 +116,7 @@ def test_another_config_stops_a_run_that_resumes_and_leaves_it_finished(tmp_path
     run = a_run(tmp_path)
     run.finish()
     before = contents(tmp_path)
-    with pytest.raises(checkpoint.CheckpointMismatchError, match="size was None.*resume=false starts over"):
+    with pytest.raises(CheckpointMismatchError, match="size was None.*resume=false starts over"):
         a_run(tmp_path, size=3).start(module=torch.nn.Linear(1, 1))
     assert contents(tmp_path) == before
 

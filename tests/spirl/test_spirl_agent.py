@@ -14,6 +14,7 @@ from tstar_rl.chaining.skill import NetworkSettings, Skill
 from tstar_rl.config.build import load_skill
 from tstar_rl.rollouts.collection import Collection, with_starts
 from tstar_rl.runs import checkpoint
+from tstar_rl.runs.mismatch import CheckpointMismatchError
 from tstar_rl.spirl import (
     TRANSITION,
     LatentExecution,
@@ -35,7 +36,7 @@ def test_an_agent_comes_back_from_disk(tmp_path):
     assert (found.settings, found.subtask, found.obs_dim) == (agent.settings, 0, 72)
     assert_close(acts(found), acts(agent))
     assert not torch.equal(acts(make_agent("closed_loop")), acts(agent))
-    with pytest.raises(checkpoint.CheckpointMismatchError, match="subtask was 0 when it was saved, and is 1"):
+    with pytest.raises(CheckpointMismatchError, match="subtask was 0 when it was saved, and is 1"):
         SpirlAgent.load(tmp_path / "agent", subtask=1)
     Skill("table_lack", 1, NetworkSettings(hidden=(8,))).save(tmp_path / "skill")
     assert isinstance(load_skill(tmp_path / "skill"), Skill)

@@ -9,7 +9,6 @@ from tstar_rl.deferred import deferred
 
 if TYPE_CHECKING:
     from tstar_rl.config.build import (
-        demonstrations_path,
         environment,
         load_demonstrations,
         load_skill,
@@ -17,17 +16,19 @@ if TYPE_CHECKING:
         new_spirl_agent,
         skill_training,
     )
-    from tstar_rl.config.chain import chain_length, chain_turns, load_skills
+    from tstar_rl.config.chain import chain_turns, load_skills
     from tstar_rl.config.check import ConfigError
+    from tstar_rl.config.demonstrations import demonstrations_path
     from tstar_rl.config.load import check_config, recipe
+    from tstar_rl.config.ranges import chain_length
     from tstar_rl.config.values import plain, settings
 
 HOMES = {
     "ConfigError": "check",
-    "chain_length": "chain",
+    "chain_length": "ranges",
     "chain_turns": "chain",
     "check_config": "load",
-    "demonstrations_path": "build",
+    "demonstrations_path": "demonstrations",
     "environment": "build",
     "load_demonstrations": "build",
     "load_skill": "build",

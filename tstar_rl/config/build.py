@@ -13,7 +13,7 @@ from torchrl.envs import TransformedEnv
 from tstar_rl.chaining.skill import NetworkSettings, Skill
 from tstar_rl.chaining.training import SkillTraining, TrainingSettings
 from tstar_rl.checks import InvalidValueError
-from tstar_rl.config.demonstrations import demonstrations_path, load_demonstrations
+from tstar_rl.config.demonstrations import load_demonstrations
 from tstar_rl.config.values import plain, settings
 from tstar_rl.demonstrations.data_set import Demonstrations
 from tstar_rl.demonstrations.starts import DemonstrationStarts
@@ -31,7 +31,6 @@ from tstar_rl.transforms.skill_chain_reset import Starts
 from tstar_rl.updates import BehaviourCloningSettings, PPOSettings
 
 __all__ = [
-    "demonstrations_path",
     "environment",
     "load_demonstrations",
     "load_skill",

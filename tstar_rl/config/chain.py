@@ -16,19 +16,19 @@ from tstar_rl.chaining.skill import Skill
 from tstar_rl.chaining.trials import run_trial
 from tstar_rl.chaining.turns import Turn
 from tstar_rl.config.build import environment, load_demonstrations, make_collection, training_settings
-from tstar_rl.config.ranges import check_links
+from tstar_rl.config.ranges import chain_length
 from tstar_rl.config.values import plain
 from tstar_rl.demonstrations.collect import collect
 from tstar_rl.demonstrations.data_set import Demonstrations
 from tstar_rl.rollouts.collection import Collection
 from tstar_rl.rollouts.ray_collection import RayCollection
 from tstar_rl.rollouts.state_sets import TerminationSet
-from tstar_rl.runs.checkpoint import CheckpointMismatchError, differences
+from tstar_rl.runs.mismatch import CheckpointMismatchError, differences
 from tstar_rl.runs.run import Run
 from tstar_rl.runs.run_folder import run_path
 from tstar_rl.seeds import derive_seed
 
-__all__ = ["chain_length", "chain_turns", "load_skills", "turn_shape"]
+__all__ = ["chain_turns", "load_skills", "turn_shape"]
 
 
 def chain_turns(config: DictConfig) -> Iterator[Turn]:
@@ -116,17 +116,6 @@ class _Workshop:
 
     def _whole(self, episodes: int, seed: int) -> TransformedEnv:
         return environment(self.config, None, episodes, seed, max_steps=self.config.chain.trial_max_steps)
-
-
-def chain_length(config: DictConfig) -> int:
-    """How many skills are chained: chain.links, or all of the task's.
-
-    Raises:
-        ValueError: if chain.links is not between 2 and the number of subtasks.
-    """
-    subtasks, links = config.task.subtasks, config.chain.links
-    check_links(links, subtasks, config.task.name)
-    return links or subtasks
 
 
 def load_skills(config: DictConfig, checkpoint: str = "last") -> list[Skill]:

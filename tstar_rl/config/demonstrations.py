@@ -2,17 +2,18 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from omegaconf import DictConfig
 
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.values import plain
-from tstar_rl.demonstrations.data_set import Demonstrations
 from tstar_rl.demonstrations.file_check import read_made
-from tstar_rl.demonstrations.formats import read_demonstrations
 from tstar_rl.demonstrations.header import KINDS, DemonstrationError, unknown_setting
-from tstar_rl.runs.checkpoint import differences
+from tstar_rl.runs.mismatch import differences
+
+if TYPE_CHECKING:
+    from tstar_rl.demonstrations.data_set import Demonstrations
 
 __all__ = ["check_made", "demonstrated", "demonstrations_path", "load_demonstrations", "part_name"]
 
@@ -44,7 +45,7 @@ def demonstrated(config: DictConfig) -> Sequence[int | None]:
     return every if config.subtask is None else [config.subtask]
 
 
-def load_demonstrations(config: DictConfig, subtask: int | None) -> Demonstrations:
+def load_demonstrations(config: DictConfig, subtask: int | None) -> "Demonstrations":
     """Those that the config's recipe learns from: of demonstrations.file, or made by recipes/make_demonstrations.py.
 
     They must have been made in the config's world: every setting of the environment is compared, but those of
@@ -56,6 +57,11 @@ def load_demonstrations(config: DictConfig, subtask: int | None) -> Demonstratio
         DemonstrationError: the file is wrong anywhere, or is of another task, subtask, settings, number or noise.
         InvalidValueError: demonstrations.may_differ names what is no setting.
     """
+    from tstar_rl.demonstrations.data_set import (
+        Demonstrations,  # with torch, which paths and checks do without
+    )
+    from tstar_rl.demonstrations.formats import read_demonstrations
+
     given = config.demonstrations.get("file")
     if given is None:
         path = demonstrations_path(config, subtask, config.demonstrations.kind)

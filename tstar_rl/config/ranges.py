@@ -4,11 +4,13 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
+from omegaconf import DictConfig
+
 from tstar_rl.checks import RANGES, need_extra
 from tstar_rl.config.check import ConfigError
 from tstar_rl.demonstrations.header import KINDS, unknown_setting
 
-__all__ = ["check_links", "check_machine", "check_ranges_of", "find"]
+__all__ = ["chain_length", "check_machine", "check_ranges_of", "find"]
 
 MODES = ("deterministic", "stochastic")
 """How actions are taken in an evaluation: the names of `rollouts.episodes.MODES`, which needs torch."""
@@ -144,11 +146,20 @@ def _check_task(task: str, subtasks: int, values: Mapping[str, Any]) -> None:
         raise ConfigError(f"subtask of {task} must be {valid}, got {subtask}")
     if subtask is not None and find(values, "whole"):
         raise ConfigError(f"whole=true is of the whole task: subtask must be null, got {subtask}")
-    check_links(find(values, "chain.links"), subtasks, task)
+    _check_links(find(values, "chain.links"), subtasks, task)
 
 
-def check_links(links: int | None, subtasks: int, task: str) -> None:
-    """Raises ConfigError if chain.links is not between 2 and the number of subtasks of a task; None is all of them."""
+def chain_length(config: DictConfig) -> int:
+    """How many skills are chained: chain.links, or all of the task's.
+
+    Raises:
+        ConfigError: if chain.links is not between 2 and the number of subtasks.
+    """
+    _check_links(config.chain.links, config.task.subtasks, config.task.name)
+    return config.chain.links or config.task.subtasks
+
+
+def _check_links(links: int | None, subtasks: int, task: str) -> None:
     if links is not None and not 2 <= links <= subtasks:
         raise ConfigError(f"chain.links must be null or in 2..{subtasks} for {task}, got {links}")
 

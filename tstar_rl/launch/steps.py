@@ -15,14 +15,12 @@ from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
 from tstar_rl.checks import InvalidValueError
-from tstar_rl.config.build import demonstrations_path
-from tstar_rl.config.chain import chain_length
-from tstar_rl.config.demonstrations import check_made, demonstrated
+from tstar_rl.config.demonstrations import check_made, demonstrated, demonstrations_path
 from tstar_rl.config.load import ONE_POLICY
+from tstar_rl.config.ranges import chain_length
 from tstar_rl.config.values import plain
 from tstar_rl.launch.side_by_side import Step
-from tstar_rl.runs.checkpoint import CheckpointMismatchError, check_config, differences
-from tstar_rl.runs.run import MACHINE_ONLY
+from tstar_rl.runs.mismatch import MACHINE_ONLY, CheckpointMismatchError, check_config, differences
 from tstar_rl.runs.run_config import read_config
 from tstar_rl.runs.run_folder import UNTRAINED, run_path
 

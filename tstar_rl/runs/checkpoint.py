@@ -23,13 +23,11 @@ from torchrl.checkpoint import (
 from tstar_rl.checks import MissingFileError, UserError
 from tstar_rl.runs.checksums import SEAL, DamagedCheckpointError, read_seal, seal, verify
 from tstar_rl.runs.files import named_in_errors
+from tstar_rl.runs.mismatch import CheckpointMismatchError, differences
 from tstar_rl.runs.run_folder import made_by
 
 __all__ = [
-    "CheckpointMismatchError",
     "DamagedCheckpointError",
-    "check_config",
-    "differences",
     "is_checkpoint",
     "latest",
     "load",
@@ -45,10 +43,6 @@ __all__ = [
 MANIFEST = "manifest.json"
 PARTS = (MANIFEST, SEAL, "components")
 """What lies in a checkpoint's folder."""
-
-
-class CheckpointMismatchError(UserError, ValueError):
-    """A checkpoint belongs to something else."""
 
 
 class _SealedCheckpoint(Checkpoint):
@@ -174,28 +168,6 @@ def _remove_remains(destination: Path) -> None:
     for left in destination.parent.glob(f".*{destination.name}*"):
         if re.fullmatch(rf"\.+{re.escape(destination.name)}(-\d+)?(\.[a-z]+-[0-9a-f]{{32}})+", left.name):
             shutil.rmtree(left, ignore_errors=True)
-
-
-def check_config(results: Path, saved: Mapping[str, Any], asked: Mapping[str, Any]) -> None:
-    """Raises CheckpointMismatchError if the finished run at `results` was saved with other values than are asked for.
-
-    What was not saved is not compared.
-    """
-    wanted = {name: value for name, value in asked.items() if name in saved}
-    if wrong := differences({name: saved[name] for name in wanted}, wanted):
-        raise CheckpointMismatchError(f"{results}: {'; '.join(wrong)} (resume=false starts over)")
-
-
-def differences(saved: Any, wanted: Any, name: str = "") -> list[str]:
-    """Readable differences of two nested plain values."""
-    if isinstance(saved, Mapping) and isinstance(wanted, Mapping):
-        return [
-            text
-            for key in sorted({*saved, *wanted}, key=str)
-            for text in differences(saved.get(key), wanted.get(key), f"{name}.{key}" if name else str(key))
-        ]
-    saved, wanted = (list(value) if isinstance(value, tuple) else value for value in (saved, wanted))
-    return [] if saved == wanted else [f"{name} was {saved!r} when it was saved, and is {wanted!r} now"]
 
 
 def to_plain(values: Mapping[str, Any] | None) -> dict[str, Any] | None:

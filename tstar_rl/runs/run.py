@@ -19,23 +19,12 @@ from tqdm import tqdm
 from tstar_rl.runs import checkpoint, lock
 from tstar_rl.runs.csv_tables import LogError, MetricsLog
 from tstar_rl.runs.files import replacing
+from tstar_rl.runs.mismatch import MACHINE_ONLY, CheckpointMismatchError, check_config
 from tstar_rl.runs.run_config import note_resumed, read_config, write_config
 from tstar_rl.runs.run_folder import run_path
 
-__all__ = ["MACHINE_ONLY", "Run"]
+__all__ = ["Run"]
 
-MACHINE_ONLY = (
-    "nthread",
-    "resume",
-    "results_dir",
-    "runs_dir",
-    "demonstrations_dir",
-    "launch",
-    "cluster",
-    "progress_bar",
-    "evaluation",
-)
-"""Config values that do not change what a run computes."""
 LOGS = ("metrics", "terminal_states", "calibration", "timing")
 SAVED = ("last", "best", "prior")
 """Names under which a run keeps what it has trained; "prior" is SPiRL's."""
@@ -123,7 +112,7 @@ class Run:
         else:
             try:
                 checkpoint.load(found, self.components, **self.record)
-            except (checkpoint.CheckpointMismatchError, checkpoint.DamagedCheckpointError, LogError) as error:
+            except (CheckpointMismatchError, checkpoint.DamagedCheckpointError, LogError) as error:
                 raise type(error)(f"{error} (resume=false starts over)") from error
             note_resumed(self.results, self.env_steps)
             finished.unlink(missing_ok=True)  # until it is done again
@@ -138,7 +127,7 @@ class Run:
             saved["spirl"] = {
                 name: value for name, value in saved["spirl"].items() if name in self.record.get("spirl", ())
             }
-        checkpoint.check_config(self.results, saved, self.record)
+        check_config(self.results, saved, self.record)
 
     def log(self, env_steps: int, **row: Any) -> None:
         """Adds a row at `env_steps` and moves the bar."""

@@ -1,5 +1,6 @@
 """Learning curves: logged columns against environment steps."""
 
+import itertools
 from collections.abc import Iterable, Mapping
 
 import pandas as pd
@@ -73,9 +74,10 @@ def seed_curves(metrics: pd.DataFrame, columns: Mapping[str, str], panel: str) -
         row[0].legend(fontsize=7)
         if metrics[name].dropna().between(0, 1).all():
             row[0].set_ylim(-0.02, 1.04)  # shares have one scale
+    for axes in itertools.chain.from_iterable(grid):
+        axes.xaxis.set_major_formatter(EngFormatter(sep=""))
     for axes in grid[-1]:
         axes.set_xlabel("environment steps")
-        axes.xaxis.set_major_formatter(EngFormatter(sep=""))
     return figure
 
 
