@@ -5,8 +5,10 @@ import math
 __all__ = ["share_columns", "wilson_interval"]
 
 
-def wilson_interval(successes: int, episodes: int, z: float = 1.96) -> tuple[float, float]:
+def wilson_interval(successes: float, episodes: int, z: float = 1.96) -> tuple[float, float]:
     """Confidence interval of a share, 95% at z = 1.96.
+
+    Of values between 0 and 1, with `successes` their sum, it is too wide, since these vary less than a share's 0 and 1.
 
     Source: Wilson 1927.
     """

@@ -1,5 +1,7 @@
 """Experiments: arms and seeds read from made-up tables, their hand-over gap, comparisons, figures and commits."""
 
+import math
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -51,7 +53,9 @@ def write(
         )
 
 
-def write_skills(root: Path, seed: int, own: list[float], system: str = "skills") -> None:
+def write_skills(
+    root: Path, seed: int, own: list[float], system: str = "skills", commit: str = "a" * 40
+) -> None:
     for subtask, success in enumerate(own):
         folder = root / "table" / system / f"seed{seed}" / f"subtask{subtask}"
         folder.mkdir(parents=True)
@@ -63,6 +67,7 @@ def write_skills(root: Path, seed: int, own: list[float], system: str = "skills"
             "episodes": 20,
         }
         pd.DataFrame([row]).to_csv(folder / "evaluation.csv", index=False)
+        (folder / "config.yaml").write_text(yaml.safe_dump({"versions": {"commit": commit}}))
 
 
 @pytest.fixture
@@ -181,6 +186,21 @@ def test_arms_of_several_commits_are_refused(root, commit):
     named = "bbbbbbb: table/gaussian/seed0" if commit else "unknown: table/gaussian/seed0"
     with pytest.raises(ValueError, match=f"must come from one commit, got aaaaaaa: .*; {named}"):
         read_experiment(root, one_commit=True)
+
+
+def test_skills_of_another_commit_are_refused(root):
+    write_skills(root, 2, [1.0], commit="b" * 40)
+    with pytest.raises(
+        ValueError, match="must come from one commit, got aaaaaaa: .*; bbbbbbb: table/skills/seed2"
+    ):
+        read_experiment(root, one_commit=True)
+
+
+def test_a_chain_of_which_a_skill_was_not_tried_alone_has_no_product(root):
+    shutil.rmtree(root / "table" / "skills" / "seed1" / "subtask1")
+    gaps = hand_over_gaps(read_experiment(root), "table").set_index(["arm", "seed"])
+    assert gaps.loc[("tstar", 0), "product"] == pytest.approx((1 + 0.95) / 2)
+    assert math.isnan(gaps.loc[("tstar", 1), "product"])
 
 
 def test_an_empty_folder_is_named(tmp_path):

@@ -10,7 +10,10 @@ from tstar_rl.analysis.page.contents import read_contents
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"kind": "arms"}, "kind of odd must be one of experiment, paper, ablations, got arms"),
+        (
+            {"kind": "arms"},
+            "kind of odd must be one of experiment, single_policies, paper, ablations, got arms",
+        ),
         ({"commits": "any"}, "commits of odd must be one of one, several, got any"),
         ({"pair": []}, "an experiment has no pair; it has folder, kind, commits, pairs"),
         (

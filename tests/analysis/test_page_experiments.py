@@ -5,7 +5,7 @@ import re
 import pandas as pd
 import pytest
 import yaml
-from published_runs import THEIRS, contents, write
+from published_runs import COMMIT, THEIRS, contents, write
 
 from tstar_rl.analysis import read_metrics, rise_figure
 from tstar_rl.analysis.page import draw_page, results_head, results_page, runs_page
@@ -15,7 +15,7 @@ from tstar_rl.analysis.page.contents import read_contents
 def test_an_experiment_has_arms_comparisons_and_its_commit(published):
     page = results_page(published, THEIRS, "Found.\n\nMore.")
     odd, plain = page.split("## Odd chains\n\nOf skills that are odd.\n")[1].split("\n## Plain: chains")
-    assert "All arms come from commit ccccccc." in odd
+    assert "All runs come from commit ccccccc." in odd
     # T-STAR: the mean of .75 and .5; its skills do all of their own starts, so the gap is 1 - .625.
     assert re.search(
         r"\| T-STAR \| 2 \| 0\.625 \[0\.\d\d, 0\.\d\d\] .*\| 0\.75 0\.50 \| - \| 1\.000 \| 0\.375 \|", odd
@@ -192,6 +192,7 @@ def test_only_what_was_changed_after_its_skills_were_tried_has_a_star(published)
         folder.mkdir(parents=True)
         alone = {"checkpoint": "last", "mode": "deterministic", "success": 0.5, "env_steps": 1, "episodes": 2}
         pd.DataFrame([alone]).to_csv(folder / "evaluation.csv", index=False)
+        (folder / "config.yaml").write_text(f"versions: {{commit: {COMMIT}}}")
     lead = results_page(published, THEIRS, "<!-- table: odd -->").split("## How to read")[0]
     rows = {
         line.split(" | ")[0].strip("| "): line.split(" | ")[3] for line in lead.splitlines() if " | " in line
@@ -230,5 +231,5 @@ def test_arms_of_several_commits_are_refused_unless_the_contents_say_so(publishe
     odd = {"folder": "odd", "kind": "experiment", "commits": "several"}
     contents(published, [odd, {"folder": "plain", "kind": "paper"}], {})
     page = results_page(published, THEIRS, "")
-    assert "The arms come from several commits:" in page
+    assert "The runs come from several commits:" in page
     assert "- ddddddd: `table`: `buffer` (seed 3)" in page and "`tstar` (seed 3, 4)" in page

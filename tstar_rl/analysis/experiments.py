@@ -72,19 +72,19 @@ class Experiment:
         return {task: arm_scores(self.chosen(task, checkpoint, mode)) for task in self.tasks}
 
     def commits(self) -> dict[str, list[str]]:
-        """The runs of each commit, as task/arm/seed<k>; see `commit_of`. Where there is no arm yet, those of skills."""
+        """The runs of each commit, as task/arm/seed<k>, those of skills too; see `commit_of`."""
         found: dict[str, list[str]] = {}
-        runs = self.arms if len(self.arms) else self.skills
-        for row in runs.drop_duplicates(["task", "arm", "seed"]).itertuples():
+        runs = pd.concat([self.arms, self.skills]).drop_duplicates(["task", "arm", "seed", "commit"])
+        for row in runs.itertuples():
             found.setdefault(str(row.commit), []).append(f"{row.task}/{row.arm}/seed{row.seed}")
         return found
 
     def check_one_commit(self) -> None:
-        """Raises ValueError, with the runs of each commit, unless all arms come from one, with nothing changed."""
+        """Raises ValueError, with the runs of each commit, unless all come from one, with nothing changed."""
         found = self.commits()
         if len(found) > 1 or not all(map(is_one_commit, found)):
             lines = "; ".join(f"{short_commit(commit)}: {', '.join(runs)}" for commit, runs in found.items())
-            raise ValueError(f"{self.root}: all arms of an experiment must come from one commit, got {lines}")
+            raise ValueError(f"{self.root}: all runs of an experiment must come from one commit, got {lines}")
 
 
 def read_experiment(root: str | Path, one_commit: bool = False) -> Experiment:
@@ -210,7 +210,8 @@ def _own_success(
         rows = table[(table.task == task) & (table.arm == arm) & (table.seed == seed)]
         rows = rows[rows.checkpoint == checkpoint].sort_values("subtask")
         if len(rows):
-            return rows["own_starts"].tolist(), True
+            whole = rows["subtask"].tolist() == list(range(_chained(experiment, task, arm, seed)))
+            return (rows["own_starts"].tolist() if whole else []), True
     skills = experiment.skills
     if skills.empty:
         return [], False
@@ -219,5 +220,12 @@ def _own_success(
     skills = skills[(skills.checkpoint == "last") & (skills["mode"] == "deterministic")].sort_values(
         "subtask"
     )
-    complete = skills["subtask"].tolist() == list(range(len(skills)))
+    complete = skills["subtask"].tolist() == list(range(_chained(experiment, task, arm, seed)))
     return (skills["success"].tolist() if complete else []), False
+
+
+def _chained(experiment: Experiment, task: str, arm: str, seed: int) -> int:
+    """How many subtasks a run's chain does."""
+    rows = experiment.arms
+    row = rows[(rows["task"] == task) & (rows["arm"] == arm) & (rows["seed"] == seed)].iloc[0]
+    return sum(not pd.isna(row[name]) for name in row.index if str(name).startswith("subtask_"))

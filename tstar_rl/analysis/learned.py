@@ -6,6 +6,9 @@ import pandas as pd
 
 __all__ = ["Learned", "evaluated_skills", "learned_skills"]
 
+ROUNDING = 1e-9
+"""A mean of shares that is .95 in decimal numbers may be a last bit below it."""
+
 
 @dataclass(frozen=True)
 class Learned:
@@ -50,7 +53,7 @@ def learned_skills(rule: Learned, rows: pd.DataFrame) -> pd.DataFrame:
     """
     found = rows.groupby("subtask")["success"].agg(["mean", "min", "size"])
     found = found.rename(columns={"min": "lowest"})
-    good = (found["mean"] >= rule.mean) & (found["lowest"] >= rule.lowest)
+    good = (found["mean"] >= rule.mean - ROUNDING) & (found["lowest"] >= rule.lowest - ROUNDING)
     said = good.map({True: "yes", False: "no"})
     few = found["size"] < rule.seeds
     said[few] = [f"being measured: {seeds} of {rule.seeds} seeds" for seeds in found["size"][few]]

@@ -25,6 +25,7 @@ class Question:
         margin: the answer is no if both intervals of every pair lie below it; None: there is no such answer.
         improvement: the answer is yes only if in every pair the probability of improvement is at least this, and the
             p-value, corrected for the family, below .05. None: the intervals decide.
+        tasks: of which it is asked; none named: all.
     """
 
     asks: str
@@ -32,6 +33,7 @@ class Question:
     seeds: int
     margin: float | None = None
     improvement: float | None = None
+    tasks: tuple[str, ...] = ()
 
 
 def answer(question: Question, found: pd.DataFrame) -> str:

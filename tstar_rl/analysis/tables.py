@@ -29,7 +29,7 @@ __all__ = [
 
 
 def read_metrics(root: str | Path = "results") -> pd.DataFrame:
-    """Every metrics.csv below `root`, with columns task, recipe, seed, subtask added."""
+    """Every metrics.csv below `root`, with columns task, recipe, seed, subtask added; recipes as `read_evaluations`."""
     return _read(root, "metrics.csv")
 
 
@@ -68,7 +68,7 @@ def _read(root: str | Path, name: str, commits: bool = False) -> pd.DataFrame:
     root = Path(root)
     depths = ("*/*/seed*", "*/*/seed*/subtask*")
     files = [file for depth in depths for file in sorted(root.glob(f"{depth}/{name}"))]
-    files += _of_arms_own_skills(root, name) if commits else []
+    files += _of_arms_own_skills(root, name)
     frames = [_read_one(file, root) for file in files]
     if commits:
         frames = [

@@ -38,7 +38,8 @@ def steps_of_trials(metrics: pd.DataFrame, task: str) -> pd.Series:
     """
     if "trial_steps" not in metrics:
         return pd.Series(dtype=float)
-    return _chains(metrics, task).groupby(["recipe", "seed"])["trial_steps"].sum().groupby("recipe").mean()
+    of_seeds = _chains(metrics, task).groupby(["recipe", "seed"])["trial_steps"].sum(min_count=1)
+    return of_seeds.groupby("recipe").mean()
 
 
 def turn_table(metrics: pd.DataFrame, task: str) -> pd.DataFrame:

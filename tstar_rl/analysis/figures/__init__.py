@@ -2,7 +2,7 @@
 
 from tstar_rl.analysis.figures.arms import ablation_figure, arms_figure, differences_figure
 from tstar_rl.analysis.figures.costs import cost_figure, steps_of_arms
-from tstar_rl.analysis.figures.curves import ablation_curves, learning_curves, seed_curves
+from tstar_rl.analysis.figures.curves import ablation_curves, learning_curves, running_means, seed_curves
 from tstar_rl.analysis.figures.headline import headline_figure
 from tstar_rl.analysis.figures.panels import save_figure
 from tstar_rl.analysis.figures.rise import rise_figure
@@ -23,6 +23,7 @@ __all__ = [
     "learning_curves",
     "reliability_figure",
     "rise_figure",
+    "running_means",
     "save_figure",
     "seed_curves",
     "sides_figure",

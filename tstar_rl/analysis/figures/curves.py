@@ -11,7 +11,10 @@ from matplotlib.ticker import EngFormatter
 from tstar_rl.analysis.ablations import command
 from tstar_rl.analysis.figures.panels import message, panels, readable
 
-__all__ = ["ablation_curves", "learning_curves", "seed_curves"]
+__all__ = ["ablation_curves", "learning_curves", "running_means", "seed_curves"]
+
+OF_EPISODES = ("success_rate", "completed", "episode_length")
+"""Columns that are means over the episodes of a rollout; others are over its steps."""
 
 
 def learning_curves(
@@ -50,6 +53,30 @@ def _lines(axes: Axes, rows: pd.DataFrame, column: str, colour: str) -> None:
         axes.plot(run.env_steps, run[column], label=label, **style)
 
 
+def running_means(metrics: pd.DataFrame, columns: Iterable[str], window: int) -> pd.DataFrame:
+    """The rows with running means in some columns, of each run by itself.
+
+    Args:
+        metrics: from `tables.read_metrics`.
+        columns: one that was never logged is left out.
+        window: rollouts, the row's own and those before it. Where a column is a mean over episodes, each counts by how
+            many it has, one without any not at all.
+    """
+    columns = [name for name in columns if name in metrics]
+
+    def smoothed(run: pd.DataFrame) -> pd.DataFrame:
+        found = {}
+        for name in columns:
+            weights = run["episodes"].fillna(0) if name in OF_EPISODES else pd.Series(1.0, run.index)
+            counted = weights.where(run[name].notna(), 0)
+            total = (counted * run[name].fillna(0)).rolling(window, min_periods=1).sum()
+            found[name] = total / counted.rolling(window, min_periods=1).sum().replace(0, float("nan"))
+        return run.assign(**found)
+
+    runs = [smoothed(run) for _, run in metrics.groupby(["recipe", "seed", "subtask"], sort=False)]
+    return pd.concat(runs) if runs else metrics
+
+
 def seed_curves(metrics: pd.DataFrame, columns: Mapping[str, str], panel: str) -> Figure:
     """A row of panels for each logged column; thin lines are seeds.
 
@@ -65,7 +92,9 @@ def seed_curves(metrics: pd.DataFrame, columns: Mapping[str, str], panel: str) -
     if not names:
         raise ValueError(f"none of {', '.join(columns)} was logged; there are {', '.join(metrics.columns)}")
     places = list(dict.fromkeys(metrics[panel]))
-    figure, grid = panels(len(names), len(places), (3.4 * len(places), 2.8 * len(names)), sharey="row")
+    figure, grid = panels(
+        len(names), len(places), (3.4 * len(places), 2.8 * len(names)), sharex="col", sharey="row"
+    )
     for row, name in zip(grid, names, strict=True):
         for axes, place in zip(row, places, strict=True):
             _lines(axes, metrics[metrics[panel] == place].dropna(subset=[name]), name, columns[name])

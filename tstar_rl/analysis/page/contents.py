@@ -17,7 +17,7 @@ from tstar_rl.runs.run_folder import UNTRAINED
 __all__ = ["Contents", "Entry", "read_contents"]
 
 FILE = "contents.yaml"
-KINDS = ("experiment", "paper", "ablations")
+KINDS = ("experiment", "single_policies", "paper", "ablations")
 COMMITS = ("one", "several")
 _Asked = TypeVar("_Asked", Question, TaskQuestion)
 
@@ -164,7 +164,7 @@ def _question(root: Path, asked: dict, kind: type[_Asked]) -> _Asked:
     """One item of an experiment's `questions` or `task_questions`."""
     _check_fields(root, "a question", asked, kind)
     if kind is Question:
-        return kind(**{**asked, "pairs": _pairs(asked["pairs"])})
+        return kind(**{**asked, "pairs": _pairs(asked["pairs"]), "tasks": tuple(asked.get("tasks", ()))})
     return kind(**{**asked, "pair": _pairs([asked["pair"]])[0]})
 
 

@@ -5,7 +5,13 @@ from pathlib import Path
 import pandas as pd
 
 from tstar_rl.analysis.experiments import read_experiment
-from tstar_rl.analysis.figures import hand_over_matrix, save_figure, seed_curves, terminal_state_plane
+from tstar_rl.analysis.figures import (
+    hand_over_matrix,
+    running_means,
+    save_figure,
+    seed_curves,
+    terminal_state_plane,
+)
 from tstar_rl.analysis.page.contents import Entry, read_contents
 from tstar_rl.analysis.page.costs import draw_costs
 from tstar_rl.analysis.page.experiment import draw_experiment
@@ -17,15 +23,22 @@ from tstar_rl.analysis.terminal_states import add_plane, read_terminal_states
 
 __all__ = ["curve_groups", "curves", "draw_page"]
 
+WINDOW = 50
+"""Rollouts over which the curves of single policies run: one has a few episodes that begin at the task's own start."""
+
 COLUMNS = {
-    "skills": {"success_rate": "seed", "episode_length": "seed"},
+    "skills": {"success_rate": "seed", "phase": "seed", "episode_length": "seed"},
     "chains": {"success_rate": "skill", "trial_progress": "seed"},
     "single_policies": {"phase": "seed", "completed": "seed"},
 }
 CAPTIONS = {
-    "skills": "Success of the skills in training, a line for each seed.",
+    "skills": "Success of the skills in training, mean phase of their steps, length of episodes: a line for each seed.",
     "chains": "Fine-tuning the chains: success in training, a colour for each skill; trials, one for each seed.",
-    "single_policies": "Policies of the whole task in training: mean phase, and subtasks completed in an episode.",
+    "single_policies": (
+        "Policies of the whole task in training, from its own start: mean phase of their steps, which is that "
+        "of the subtask at hand and so may fall as more are completed; and subtasks completed in an episode. Running "
+        f"means over {WINDOW} rollouts."
+    ),
 }
 
 
@@ -81,6 +94,8 @@ def _draw_runs(entry: Entry, figures: Path) -> list[Path]:
         entry.has_section, sorted(each.name for each in entry.folder.iterdir() if each.is_dir())
     ):
         for name, rows in curve_groups(metrics, task).items():
+            if name == "single_policies":
+                rows = running_means(rows, list(COLUMNS[name]), WINDOW)
             where = rows["recipe"] + (" " + rows["subtask"].astype(str) if name == "skills" else "")
             figure = seed_curves(rows.assign(panel=where), COLUMNS[name], "panel")
             found.append(save_figure(figure, figures / f"{entry.prefix}{task}_{name}.png"))

@@ -138,7 +138,8 @@ def comparison_table(experiment: Experiment, paper: Paper, entry: Entry, task: s
 
 def answers(experiment: Experiment, paper: Paper, entry: Entry, task: str) -> str:
     """The declared questions with their answers, and what was measured; nothing if none was declared."""
-    if not entry.questions:
+    asked = [one for one in entry.questions if task in (one.tasks or (task,))]
+    if not asked:
         return ""
     found = compare_arms(ordered(experiment, paper, task), entry.pairs)
     corrected = _corrected(found, entry)
@@ -147,7 +148,7 @@ def answers(experiment: Experiment, paper: Paper, entry: Entry, task: str) -> st
             corrected.get(pair, math.nan) for pair in zip(found["first"], found["second"], strict=True)
         ]
     lines = []
-    for question in entry.questions:
+    for question in asked:
         measured = [row for row in found.itertuples() if (row.first, row.second) in question.pairs]
         shown = [signed_interval(row.difference, *_wider(row)) for row in measured]
         if question.improvement is not None:
@@ -193,10 +194,10 @@ def comparisons(experiment: Experiment, paper: Paper, entry: Entry, task: str) -
 
 
 def commits(experiment: Experiment) -> str:
-    """A sentence that names the commits of the arms, or of skills where there is no arm yet."""
-    found, what = experiment.commits(), "arms" if len(experiment.arms) else "skills"
+    """A sentence that names the commits of the arms and of the skills that were evaluated alone."""
+    found = experiment.commits()
     if len(found) == 1:
-        return f"All {what} come from commit {short_commit(next(iter(found)))}.\n"
+        return f"All runs come from commit {short_commit(next(iter(found)))}.\n"
     parts = []
     for commit, runs in found.items():
         seeds: dict[str, dict[str, list[str]]] = {}
@@ -205,7 +206,7 @@ def commits(experiment: Experiment) -> str:
             seeds.setdefault(task, {}).setdefault(arm, []).append(seed.removeprefix("seed"))
         named = "; ".join(f"`{task}`: {_with_seeds(arms)}" for task, arms in seeds.items())
         parts.append(f"- {short_commit(commit)}: {named}\n")
-    return f"The {what} come from several commits:\n\n" + "".join(parts)
+    return "The runs come from several commits:\n\n" + "".join(parts)
 
 
 def _with_seeds(arms: dict[str, list[str]]) -> str:

@@ -18,6 +18,7 @@ __all__ = [
     "share",
     "signed_interval",
     "table",
+    "theirs",
 ]
 
 Paper = Mapping[str, Any]
@@ -63,6 +64,14 @@ def interval(value: float, low: float, high: float) -> str:
     """A share with its 95% interval; a narrow one with one more digit."""
     digits = _digits(low, high)
     return f"{value:.3f} [{low:.{digits}f}, {high:.{digits}f}]"
+
+
+def theirs(paper: Paper, system: str, task: str) -> list[str]:
+    """The paper's progress and success of a system on a task."""
+    found = paper["systems"].get(system, {})
+    progress, success = found.get("progress", {}).get(task), found.get("success", {}).get(task)
+    shown = f"{progress[0]:.2f} +- {progress[1]:.2f}" if progress else NOTHING
+    return [shown, NOTHING if success is None else f"{success:.0%}"]
 
 
 def from_to(low: int, high: int) -> str:

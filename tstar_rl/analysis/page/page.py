@@ -15,6 +15,7 @@ from tstar_rl.analysis.page.costs import costs
 from tstar_rl.analysis.page.drawing import curves
 from tstar_rl.analysis.page.markdown import Paper, anchor
 from tstar_rl.analysis.page.over_tasks import over_tasks, short_over_tasks
+from tstar_rl.analysis.page.single_policies import single_policies
 from tstar_rl.analysis.page.turns import turns
 from tstar_rl.analysis.tables import read_metrics
 
@@ -88,13 +89,14 @@ def _filled(notes: str, entries: dict[str, Entry], paper: Paper) -> str:
         if kind == "over all tasks":
             return short_over_tasks(experiment, named, entry).strip()
         written = {"comparisons": parts.comparison_table, "answers": parts.answers, "choices": choice_table}
-        shown = [
-            written[kind](experiment, named, entry, task)
+        shown = {
+            task: written[kind](experiment, named, entry, task)
             if kind in written
             else parts.short_table(experiment, named, entry, task)
             for task in experiment.tasks
-        ]
-        return "\n".join(shown).strip()
+        }
+        several = len(experiment.tasks) > 1
+        return "\n".join(f"`{task}`:\n\n{text}" if several else text for task, text in shown.items()).strip()
 
     return re.sub(r"<!-- (table|comparisons|answers|choices|over all tasks): (\S+) -->", fill, notes)
 
@@ -109,22 +111,24 @@ def _experiment(entry: Entry, paper: Paper) -> str:
     if entry.kind == "ablations":
         return "\n\n".join([*said, sections.ablated(entry.folder)])
     evaluations, metrics = sections.evaluations_of(entry.folder), read_metrics(entry.folder)
-    experiment = read_experiment(entry.folder, entry.commits == "one") if entry.kind == "experiment" else None
+    experiment = None if entry.kind == "paper" else read_experiment(entry.folder, entry.commits == "one")
     said.append(parts.commits(experiment) if experiment else "")
     said.append(f"[Every run of it](every_run.md#{anchor(entry.title)}), seed by seed.")
-    said.append(over_tasks(experiment, paper, entry) if experiment else "")
+    said.append(over_tasks(experiment, paper, entry) if experiment and entry.kind == "experiment" else "")
     for task in filter(entry.has_section, sections.tasks_of(paper, evaluations)):
         said.append(f"### {entry.title}: {task}")
         leads: dict[str, str] = {}
-        if experiment and task in experiment.tasks:
+        if entry.kind == "paper":
+            leads["The paper's table and ours"] = sections.comparison(evaluations, paper, task)
+            leads["Budgets"] = sections.budgets(evaluations, paper, task)
+        elif entry.kind == "single_policies":
+            leads["How far each policy gets"] = single_policies(evaluations, paper, task)
+        elif experiment and task in experiment.tasks:
             leads["Questions"] = parts.answers(experiment, paper, entry, task)
             leads["Arms"] = parts.arms(experiment, paper, entry, task)
             leads["Comparisons"] = parts.comparisons(experiment, paper, entry, task)
             leads["Costs"] = costs(metrics, task, entry.prefix)
             leads["Turns"] = turns(metrics, paper, task, entry.prefix)
-        elif not experiment:
-            leads["The paper's table and ours"] = sections.comparison(evaluations, paper, task)
-            leads["Budgets"] = sections.budgets(evaluations, paper, task)
         leads["What the skills hand over"] = sections.hand_over(entry.folder, task, paper, entry.prefix)
         leads["Which skills are learned"] = sections.learned(entry.learned, evaluations, task)
         leads["Skills alone"] = sections.skills(evaluations, task)

@@ -15,6 +15,7 @@ from tstar_rl.analysis.page.markdown import (
     picture,
     share,
     table,
+    theirs,
 )
 from tstar_rl.analysis.tables import read_evaluations, whole_task
 
@@ -71,10 +72,10 @@ def comparison(evaluations: pd.DataFrame, paper: Paper, task: str) -> str:
     whole, rows = whole_task(evaluations, task), []
     for system, label in labels(paper, whole["recipe"]).items():
         last, best = (pick(whole, system, checkpoint) for checkpoint in ("last", "best"))
-        theirs = _theirs(paper, system, task)
-        if theirs == [NOTHING, NOTHING] and last.empty and best.empty:
+        paper_said = theirs(paper, system, task)
+        if paper_said == [NOTHING, NOTHING] and last.empty and best.empty:
             continue
-        row = [label, *theirs]
+        row = [label, *paper_said]
         for ours in (last, best):
             row += [over_seeds(ours["progress"]), over_seeds(ours["success"], percent=True)]
         seeds = max(last["seed"].nunique(), best["seed"].nunique())
@@ -90,32 +91,24 @@ def short_comparison(evaluations: pd.DataFrame, paper: Paper, tasks: list[str]) 
         row = [label]
         for task in tasks:
             last = pick(whole_task(evaluations, task), system, "last")
-            row += [_theirs(paper, system, task)[0], over_seeds(last["progress"])]
+            row += [theirs(paper, system, task)[0], over_seeds(last["progress"])]
         if set(row[1:]) != {NOTHING}:
             rows.append(row)
     header = [f"{task}: {whose}" for task in tasks for whose in ("paper", "ours")]
     return table(["progress", *header], rows)
 
 
-def _theirs(paper: Paper, system: str, task: str) -> list[str]:
-    """The paper's progress and success."""
-    found = paper["systems"].get(system, {})
-    progress, success = found.get("progress", {}).get(task), found.get("success", {}).get(task)
-    shown = f"{progress[0]:.2f} +- {progress[1]:.2f}" if progress else NOTHING
-    return [shown, NOTHING if success is None else f"{success:.0%}"]
-
-
 def budgets(evaluations: pd.DataFrame, paper: Paper, task: str) -> str:
     """Steps and time, the paper's and ours."""
     whole, rows = whole_task(evaluations, task), []
     for system, label in labels(paper, whole["recipe"]).items():
-        theirs, last = paper["systems"].get(system, {}), pick(whole, system, "last")
+        known, last = paper["systems"].get(system, {}), pick(whole, system, "last")
         if last.empty:
             continue
-        hours = theirs.get("hours", paper["hours"])
-        long = f"{hours} h, {paper['workers']} workers" if "steps" in theirs and hours else NOTHING
+        hours = known.get("hours", paper["hours"])
+        long = f"{hours} h, {paper['workers']} workers" if "steps" in known and hours else NOTHING
         steps = f"{last['env_steps'].mean() / 1e6:.2f}M" if last["env_steps"].mean() else "none"
-        rows.append([label, theirs.get("steps", NOTHING), long, steps, f"{last['minutes'].mean():.1f}"])
+        rows.append([label, known.get("steps", NOTHING), long, steps, f"{last['minutes'].mean():.1f}"])
     header = ["system", "paper: steps", "paper: time", "ours: environment steps", "ours: minutes of one core"]
     return f"{TIME}\n{table(header, rows)}" if rows else ""
 

@@ -1,0 +1,69 @@
+"""How far single policies of the whole task get, as a part of the page: every seed, and nothing that is compared."""
+
+import math
+
+import numpy as np
+import pandas as pd
+from scipy.stats import t as student
+
+from tstar_rl.analysis.page.markdown import NOTHING, Paper, interval, labels, table, theirs
+from tstar_rl.analysis.page.sections import pick
+from tstar_rl.analysis.tables import whole_task
+from tstar_rl.intervals import wilson_interval
+
+__all__ = ["single_policies"]
+
+SAID = """\
+Progress of the last checkpoint in deterministic episodes of the whole task. A seed's interval is Wilson's for a share
+of as many episodes: a little too wide, since progress also takes values between 0 and 1. The mean over seeds has
+Student's t beside it. The columns after it, and the table below, decide nothing.
+"""
+
+
+def single_policies(evaluations: pd.DataFrame, paper: Paper, task: str) -> str:
+    """Two tables of the policies of a task: progress of each seed with the paper's, and what else was measured."""
+    whole = whole_task(evaluations, task)
+    progress, more = [], []
+    for system, label in labels(paper, whole["recipe"]).items():
+        last = pick(whole, system, "last")
+        if last.empty:
+            continue
+        known = theirs(paper, system, task)[0]
+        progress.append([label, known, _of_seeds(last, "progress"), _mean(last["progress"])])
+        sampled, best = pick(whole, system, "last", "stochastic"), pick(whole, system, "best")
+        line = [label, _of_seeds(last, "success"), _mean(sampled["progress"]), _mean(best["progress"])]
+        more.append([*line, _millions(last["env_steps"].mean())])
+    if not progress:
+        return ""
+    first = table(["policy", "paper", "each seed [95%]", "mean +- 95%, Student's t"], progress)
+    header = [
+        "policy",
+        "whole task: success of each seed [95%]",
+        "sampled: progress",
+        "best checkpoint: progress",
+    ]
+    return f"{SAID}\n{first}\n{table([*header, 'environment steps'], more)}"
+
+
+def _of_seeds(rows: pd.DataFrame, name: str) -> str:
+    """A share of each seed with its interval."""
+    said = []
+    for _, row in rows.iterrows():
+        low, high = wilson_interval(row[name] * row["episodes"], row["episodes"])
+        said.append(f"{row['seed']}: {interval(row[name], low, high)}")
+    return "; ".join(said)
+
+
+def _mean(values: pd.Series) -> str:
+    """Mean over seeds with half of Student's 95% interval; the value alone of one seed."""
+    if values.empty:
+        return NOTHING
+    mean, number = float(values.mean()), len(values)
+    if number == 1:
+        return f"{mean:.3f}"
+    half = float(student.ppf(0.975, number - 1) * np.std(values, ddof=1) / math.sqrt(number))
+    return f"{mean:.3f} +- {half:.3f}"
+
+
+def _millions(steps: float) -> str:
+    return f"{steps / 1e6:.2f}M" if steps else "none"
