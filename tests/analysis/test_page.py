@@ -104,8 +104,8 @@ def test_a_skills_steps_are_those_of_its_whole_training():
     rows.append(evaluation("gail_ppo", 0, 0.5, "best", env_steps=1_000_000))
     table = skills(pd.DataFrame(rows).assign(subtask=2), "table").splitlines()[2:]
     assert table == [
-        "| gail_ppo, subtask 2 | - | 50.0% | 1.00M | 1 |",
-        "| spirl, subtask 2 | 50.0% | 50.0% | 3.00M | 1 |",
+        "| gail_ppo, subtask 2 | - | - | 50.0% | 1.00M | 1 |",
+        "| spirl, subtask 2 | 50.0% | - | 50.0% | 3.00M | 1 |",
     ]
 
 

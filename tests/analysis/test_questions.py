@@ -1,5 +1,7 @@
 """Answers of an experiment, by the rules that were declared, on tables written by hand."""
 
+import math
+
 import pandas as pd
 import pytest
 
@@ -30,6 +32,16 @@ def said(*rows: dict, pairs=(("a", "b"),), **rule) -> str:
         # the margin .03 away. With t(.975) + t(.80): (2.048 + .855) x .0559 / sqrt(29) = .0301, of 30 seeds
         # (2.045 + .854) x .0559 / sqrt(30) = .0296.
         (compared(difference=0.02, half=0.04, high=0.03), "not decided; 30 seeds probably would"),
+        # Student's interval leaves out 0 already, the bootstrap's does not: more seeds than there are, if any.
+        (
+            compared(half=0.01, low=-0.01, high=0.2, verdict="no clear difference"),
+            "not decided; 11 seeds probably would",
+        ),
+        # One seed has no Student's interval, so nothing is ruled out.
+        (
+            compared(difference=0.01, half=math.nan, low=0.0, high=0.02, verdict="one seed"),
+            "not decided",
+        ),
     ],
 )
 def test_an_answer_follows_the_intervals_and_the_margin(row, expected):

@@ -59,9 +59,9 @@ def answer(question: Question, found: pd.DataFrame) -> str:
         return "no: it is lower"
     if question.margin is None:
         return "not shown"
-    if (rows["high"].combine(rows["difference"] + rows["t_half"], max) < question.margin).all():
+    if ((rows["high"] < question.margin) & (rows["difference"] + rows["t_half"] < question.margin)).all():
         return f"no: a gain of {question.margin:g} is ruled out"
-    needed = [seeds_to_decide(*one, question.margin) for one in zip(*_spread(rows), strict=True)]
+    needed = [seeds_to_decide(*one, question.margin, measured) for one in zip(*_spread(rows), strict=True)]
     return f"not decided; {max(needed)} seeds probably would" if all(needed) else "not decided"
 
 
@@ -71,8 +71,8 @@ def _spread(rows: pd.DataFrame) -> tuple[list[float], list[float]]:
     return rows["difference"].tolist(), (rows["t_half"] * rows["seeds"] ** 0.5 / quantiles).tolist()
 
 
-def seeds_to_decide(mean: float, deviation: float, margin: float) -> int | None:
-    """The smallest number of seeds with which Student's interval would exclude 0 or the margin in four of five cases.
+def seeds_to_decide(mean: float, deviation: float, margin: float, measured: int = 1) -> int | None:
+    """With how many seeds, more than there are, Student's interval would exclude 0 or the margin in four of five cases.
 
     The difference and its standard deviation over seeds are taken to stay what they are. None: more than 1,000.
 
@@ -80,6 +80,7 @@ def seeds_to_decide(mean: float, deviation: float, margin: float) -> int | None:
         mean: difference of two arms.
         deviation: of that difference over seeds.
         margin: from which on a difference matters.
+        measured: seeds that there are, and that did not decide.
 
     Source: Cohen, Statistical Power Analysis for the Behavioral Sciences, 1988, chapter 2.
     """
@@ -89,4 +90,4 @@ def seeds_to_decide(mean: float, deviation: float, margin: float) -> int | None:
         quantiles = student.ppf((0.975, POWER), seeds - 1).sum()
         return quantiles * deviation / math.sqrt(seeds) < room
 
-    return next(filter(decides, range(2, MOST_SEEDS + 1)), None)
+    return next(filter(decides, range(measured + 1, MOST_SEEDS + 1)), None)

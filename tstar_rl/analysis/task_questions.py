@@ -85,9 +85,10 @@ def answer_over_tasks(question: TaskQuestion, found: pd.DataFrame) -> str:
     """What the comparison says.
 
     Yes: the interval of the probability of improvement lies above .5, and the first is ahead on so many tasks that the
-    sign test has p < .05. No: the interval lies below the margin. It does worse: as yes, the other way round. Else it
-    is not decided; where more seeds can help, the answer says how many times as many would, in four of five cases,
-    should the interval shrink with their root and stay where it is.
+    sign test has p < .05. No, or not by much: that does not hold, and the interval lies below the margin. It does
+    worse: as yes, the other way round. Else it is not decided; the answer then says on how many tasks the first is
+    ahead, if that is what is missing, or else how many times as many seeds would decide in four of five cases, should
+    the interval shrink with their root and stay where it is.
 
     The rule reads the interval of `drawn_means`. Where that of `drawn_seeds` gives another answer, both are said.
 
@@ -114,14 +115,14 @@ def _answer(row: pd.Series, margin: float, interval: str) -> str:
     value, low, high = (float(row[name]) for name in ("improvement", f"{interval}_low", f"{interval}_high"))
     tasks, ahead, behind = (int(row[name]) for name in ("tasks", "ahead", "behind"))
     needed = _wins_needed(tasks)
-    if low > NO_DIFFERENCE:
-        if needed is not None and ahead >= needed:
-            return "yes"
-        asked = "no number of tasks suffices" if needed is None else f"{needed} are asked"
-        return f"not decided; ahead on {ahead} of {tasks} tasks, where {asked}: more seeds do not decide that"
+    if low > NO_DIFFERENCE and needed is not None and ahead >= needed:
+        return "yes"
     if high < margin:
         worse = high < NO_DIFFERENCE and needed is not None and behind >= needed
         return "no: it does worse" if worse else "no, or not by much"
+    if low > NO_DIFFERENCE:
+        asked = "no number of tasks suffices" if needed is None else f"{needed} are asked"
+        return f"not decided; ahead on {ahead} of {tasks} tasks, where {asked}"
     times = [
         (POWERED * half / room) ** 2
         for half, room in ((value - low, value - NO_DIFFERENCE), (high - value, margin - value))

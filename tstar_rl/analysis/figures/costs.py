@@ -35,13 +35,19 @@ def cost_figure(rows: pd.DataFrame, metrics: pd.DataFrame, labels: Mapping[str, 
     Args:
         rows: see `steps_of_arms`.
         metrics: see `steps_of_arms`.
-        labels: of arms.
+        labels: of arms, also of those that are not drawn here: an arm looks as its place among them says.
     """
+    order = list(labels or dict.fromkeys(rows["arm"]))
     figure, grid = panels(1, 1, (11, 4.2))
     axes, steps = grid[0, 0], steps_of_arms(rows, metrics)
-    for place, (arm, row) in enumerate(arm_table(rows).iterrows()):
+    for arm, row in arm_table(rows).iterrows():
         ends = [[row["progress"] - row["progress_low"]], [row["progress_high"] - row["progress"]]]
-        style = arm_dots(place) | {"linestyle": "", "capsize": 3, "markersize": 7, "alpha": 0.85}
+        style = arm_dots(order.index(str(arm))) | {
+            "linestyle": "",
+            "capsize": 3,
+            "markersize": 7,
+            "alpha": 0.85,
+        }
         name = f"{(labels or {}).get(str(arm), readable(arm))}: {row['seeds']:.0f}"
         axes.errorbar(steps[arm], row["progress"], yerr=np.clip(ends, 0, None), label=name, **style)
     axes.set(xlabel="environment steps: skills, fine-tuning and trials", ylabel="progress", ylim=(0, 1.02))

@@ -15,6 +15,8 @@ __all__ = ["ablation_curves", "learning_curves", "running_means", "seed_curves"]
 
 OF_EPISODES = ("success_rate", "completed", "episode_length")
 """Columns that are means over the episodes of a rollout; others are over its steps."""
+BESIDE = 6
+"""Panels beside each other: more make a figure that a page cannot show."""
 
 
 def learning_curves(
@@ -44,7 +46,12 @@ def learning_curves(
 def _lines(axes: Axes, rows: pd.DataFrame, column: str, colour: str) -> None:
     """A line for each run in `rows`, in pieces where it does not train the same skill all the time."""
     labelled = set()
-    pieces = [colour] if colour == "seed" else [colour, "seed", "round"]
+    if colour == "seed":
+        pieces = [colour]
+    else:
+        places = rows[[colour, "seed", "round"]].fillna(-1)
+        rows = rows.assign(piece=(places != places.shift()).any(axis=1).cumsum())
+        pieces = [colour, "seed", "piece"]
     for place, run in rows.groupby(pieces):
         value = int(place[0])  # pyright: ignore[reportGeneralTypeIssues]
         label = None if value in labelled else f"{colour} {value}"
@@ -83,7 +90,8 @@ def seed_curves(metrics: pd.DataFrame, columns: Mapping[str, str], panel: str) -
     Args:
         metrics: from `tables.read_metrics`.
         columns: what has a colour in each: "seed" or, of a chain, "skill". A column that was never logged is left out.
-        panel: column whose values have a panel each, in the order of their first rows.
+        panel: column whose values have a panel each, in the order of their first rows, at most `BESIDE` beside each
+            other; one that logged none of the columns has none.
 
     Raises:
         ValueError: if none of the columns was logged.
@@ -91,22 +99,25 @@ def seed_curves(metrics: pd.DataFrame, columns: Mapping[str, str], panel: str) -
     names = [name for name in columns if name in metrics and metrics[name].notna().any()]
     if not names:
         raise ValueError(f"none of {', '.join(columns)} was logged; there are {', '.join(metrics.columns)}")
-    places = list(dict.fromkeys(metrics[panel]))
-    figure, grid = panels(
-        len(names), len(places), (3.4 * len(places), 2.8 * len(names)), sharex="col", sharey="row"
-    )
-    for row, name in zip(grid, names, strict=True):
-        for axes, place in zip(row, places, strict=True):
+    places = list(dict.fromkeys(metrics.dropna(subset=names, how="all")[panel]))
+    bands = [places[first : first + BESIDE] for first in range(0, len(places), BESIDE)]
+    across, down = min(len(places), BESIDE), len(names) * len(bands)
+    shared = {"sharex": "col" if len(bands) == 1 else False, "sharey": "row"}
+    figure, grid = panels(down, across, (3.4 * across, 2.8 * down), **shared)
+    for row, (band, name) in zip(grid, itertools.product(bands, names), strict=True):
+        for axes, place in itertools.zip_longest(row, band):
+            if place is None:
+                axes.set_axis_off()
+                continue
             _lines(axes, metrics[metrics[panel] == place].dropna(subset=[name]), name, columns[name])
             axes.set_title(readable(place), fontsize=9)
+            axes.xaxis.set_major_formatter(EngFormatter(sep=""))
+            if name == names[-1]:
+                axes.set_xlabel("environment steps")
         row[0].set_ylabel(readable(name))
         row[0].legend(fontsize=7)
         if metrics[name].dropna().between(0, 1).all():
             row[0].set_ylim(-0.02, 1.04)  # shares have one scale
-    for axes in itertools.chain.from_iterable(grid):
-        axes.xaxis.set_major_formatter(EngFormatter(sep=""))
-    for axes in grid[-1]:
-        axes.set_xlabel("environment steps")
     return figure
 
 

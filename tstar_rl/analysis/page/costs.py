@@ -31,8 +31,8 @@ def draw_costs(
     if not _are_known(metrics, task):
         return []
     rows = ordered(experiment, paper, task)
-    rows = rows[rows["arm"].isin(entry.figure_arms)] if entry.figure_arms else rows
     called = {arm: arm_label(paper, arm) for arm in rows["arm"]}
+    rows = rows[rows["arm"].isin(entry.figure_arms)] if entry.figure_arms else rows
     return [save_figure(cost_figure(rows, metrics, called), figures / f"{entry.prefix}{task}_costs.png")]
 
 

@@ -16,8 +16,8 @@ HEAD = """\
 
 <!-- Written by recipes/report.py from results/published/ and docs/paper_results.yaml. -->
 
-A row for each run and checkpoint behind [the results](results.md), good or bad. The
-columns are explained [there](results.md#how-to-read-the-tables).
+A row for each run and checkpoint behind [the results](results.md), good or bad, and one for the skills of a seed, each
+tried alone. The columns are explained [there](results.md#how-to-read-the-tables).
 """
 
 
@@ -36,6 +36,7 @@ def runs_page(root: str | Path, paper: Paper) -> str:
         found.append(f"## {entry.title}")
         for task in tasks_of(paper, evaluations):
             found += [f"### {entry.title}: {task}", _by_seed(evaluations, entry.named(paper), task)]
+            found += [_skills_by_seed(evaluations, task)]
     return "\n\n".join(part.strip() for part in found if part) + "\n"
 
 
@@ -55,3 +56,19 @@ def _by_seed(evaluations: pd.DataFrame, paper: Paper, task: str) -> str:
                 rows.append([*row, str(run["episodes"]), short_commit(run["commit"])])
     header = ["system", "seed", "checkpoint", "progress", "success [95%]", "by subtask", "sampled: progress"]
     return table([*header, "episodes", "commit"], rows) if rows else ""
+
+
+def _skills_by_seed(evaluations: pd.DataFrame, task: str) -> str:
+    """A row for each system and seed that skills were trained with: success of each alone, from its own starts."""
+    alone = evaluations[(evaluations["task"] == task) & (evaluations["subtask"] >= 0)]
+    rows = []
+    for (system, seed), part in alone.groupby(["recipe", "seed"]):
+        tried = [
+            pick(part, str(system), *kind).set_index("subtask")["success"]
+            for kind in (("last",), ("last", "stochastic"), ("best",))
+        ]
+        shares = [[f"{index}: {success:.3f}" for index, success in one.sort_index().items()] for one in tried]
+        commits = " ".join(dict.fromkeys(map(short_commit, part["commit"])))
+        rows.append([str(system), str(seed), *(" ".join(each) or NOTHING for each in shares), commits])
+    header = ["skills", "seed", "subtask: success", "last, sampled", "best", "commit"]
+    return table(header, rows) if rows else ""

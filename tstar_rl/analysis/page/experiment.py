@@ -30,6 +30,8 @@ __all__ = ["answers", "arms", "commits", "comparison_table", "comparisons", "dra
 
 ARMS = "Every seed is a dot, with interquartile mean and 95% interval; right: the share of seeds above a progress."
 PAIRS = "Differences in progress on the same seed."
+FEW = 4
+"""Seeds, below which the bootstrap of a probability of improvement may say that it is certain, and is not shown."""
 STARRED = (
     "\n\\* In this gap the skills' success is that before fine-tuning, or before normalisers were changed.\n"
 )
@@ -127,7 +129,8 @@ def comparison_table(experiment: Experiment, paper: Paper, entry: Entry, task: s
         better = (row.improvement, row.improvement_low, row.improvement_high)
         half = NOTHING if math.isnan(row.t_half) else f"+- {row.t_half:.3f}"
         line = [f"{arm_label(paper, row.first)} minus {arm_label(paper, row.second)}", str(row.seeds)]
-        line += [signed_interval(row.difference, row.low, row.high), half, interval(*better)]
+        line += [signed_interval(row.difference, row.low, row.high), half]
+        line.append(interval(*better) if row.seeds >= FEW else f"{row.improvement:.3f}")
         line.insert(2, str(row.won))
         ours = [_p_value(corrected.get((row.first, row.second)))] if corrected else []
         lines.append([*line, *ours, str(row.verdict)])

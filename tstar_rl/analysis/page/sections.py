@@ -44,7 +44,8 @@ Success of each skill from where the one before ends / from its own starts: fres
 seeds. Each skill has the steps of one subtask; in the whole task a slow one also uses what those before it left.
 """
 SPREAD = """\
-Terminal states of successes in training, in three equal parts of it. Poses are metres and quaternions of all parts.
+Terminal states of successes in training, in three equal parts of the rollouts that had one. Poses are metres and
+quaternions of all parts.
 """
 
 
@@ -118,11 +119,14 @@ def skills(evaluations: pd.DataFrame, task: str) -> str:
     alone, rows = evaluations[(evaluations["task"] == task) & (evaluations["subtask"] >= 0)], []
     for (system, subtask), part in alone.groupby(["recipe", "subtask"]):
         last, best = (pick(part, str(system), checkpoint) for checkpoint in ("last", "best"))
-        row = [over_seeds(one["success"], percent=True) for one in (last, best)]
+        sampled = pick(part, str(system), "last", "stochastic")
+        row = [over_seeds(one["success"], percent=True) for one in (last, sampled, best)]
         trained = best if last.empty else last  # what else is there was kept on the way, as SPiRL's prior
         steps = f"{trained['env_steps'].mean() / 1e6:.2f}M" if len(trained) else NOTHING
         rows.append([f"{system}, subtask {subtask}", *row, steps, str(part["seed"].nunique())])
-    return table(["skill", "last", "best", "environment steps", "seeds"], rows) if rows else ""
+    return (
+        table(["skill", "last", "last, sampled", "best", "environment steps", "seeds"], rows) if rows else ""
+    )
 
 
 def learned(rule: Learned | None, evaluations: pd.DataFrame, task: str) -> str:
