@@ -23,7 +23,7 @@ from omegaconf import DictConfig
 
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.load import recipe
-from tstar_rl.config.values import plain
+from tstar_rl.config.values import CONFIGS, plain
 from tstar_rl.launch.backends import check_local
 from tstar_rl.launch.code_of_commit import code_of_commit, configs_of
 from tstar_rl.launch.experiment import DeclaredExperiment, with_bonus, without_bonus
@@ -45,8 +45,9 @@ Planned = tuple[str | None, Step]
 )  # fmt: skip
 def main(config: DictConfig) -> None:
     """Runs a lane for each task and seed; a lane that waits for a bonus finds it when it gets there."""
-    if config.experiment is None:
-        raise InvalidValueError("say which: experiment=<name> of configs/experiment")
+    if config.get("experiment") is None:
+        names = sorted(file.stem for file in (CONFIGS / "experiment").glob("*.yaml"))
+        raise InvalidValueError(f"say which: experiment=<name>; there are {', '.join(names)}")
     check_local(config.launch, "experiment.py")
     if one := [value for value in passed_on(OWN) if value.split("=")[0] in ("seed", "task")]:
         raise InvalidValueError(

@@ -108,6 +108,9 @@ def test_a_missing_run_is_told_what_makes_it_or_which_of_its_subtasks_are_there(
     )
     nested = run_path(tmp_path, "table_lack", "wide/gail_ppo", 3, 1)
     assert made_by(nested) == ": train system=wide/gail_ppo of task=table_lack subtask=1 seed=3 first"
+    for system, hint in (("tstr", "; did you mean tstar?"), ("tstar_costliest", "")):
+        said = f": train system={system} of task=table_lack seed=3 first{hint}"
+        assert made_by(run_path(tmp_path, "table_lack", system, 3)) == said
     assert made_by(tmp_path / "nowhere") == ""
 
 

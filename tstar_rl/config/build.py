@@ -86,7 +86,8 @@ def new_skill(config: DictConfig, subtask: int | None) -> Skill:
     if networks.features:
         if subtask is None:
             raise InvalidValueError(
-                "networks.features needs one subtask: set subtask=0.. or networks.features=false"
+                "networks.features needs one subtask, subtask=<k>; for the whole task scale=whole, or "
+                "networks.features=false"
             )
         features = subtask_geometry(config.task.name, subtask)
     torch.manual_seed(derive_seed(config.seed, "networks", subtask))

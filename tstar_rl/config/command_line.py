@@ -75,6 +75,7 @@ def command_line(body: Body, configs: Path, name: str, check: Check) -> Callable
             raise SystemExit(f"a recipe needs a clone, installed with pip install -e: there is no {configs}")
         if os.environ.get(FULL_ERROR) == "1":
             return start(body)
+        _check_groups(configs)
         helps = bool({"--help", "-h"} & set(sys.argv[1:]))
         os.environ[FULL_ERROR] = "1"  # Hydra then raises what it would print in its own words
         try:
@@ -141,6 +142,16 @@ def _in_words(error: Exception, configs: Path, name: str, check: Check) -> str:
     return f"{text} ({' '.join(str(cause).split())})" if cause and str(cause) not in text else text
 
 
+def _check_groups(configs: Path) -> None:
+    """Ends the process where the command line gives a group of configs no file of it, which Hydra has no words for."""
+    for text in sys.argv[1:]:
+        group, given, option = text.partition("=")
+        if given and option.strip() in ("", "null") and group and (configs / group).is_dir():
+            valid = ", ".join(sorted(path.stem for path in (configs / group).glob("*.yaml")))
+            got = "nothing" if not option.strip() else option
+            raise SystemExit(f"{group} must be one of {valid} (files of configs/{group}), got {got}\n{HINT}")
+
+
 def _missing_file(missing: Path, configs: Path, name: str) -> str:
     """For an option that a group has no file for, or a recipe (`name`) without one."""
     group, option = missing.parent.as_posix(), missing.name.removesuffix(".yaml")
@@ -150,6 +161,11 @@ def _missing_file(missing: Path, configs: Path, name: str) -> str:
     if not valid:
         groups = sorted(path.name for path in configs.iterdir() if path.is_dir())
         return f"there is no {missing} in {configs}; its folders are {', '.join(groups)}"
+    chosen = (configs / "recipe" / f"{name}.yaml").read_text()
+    given = any(text.startswith(f"{group}=") for text in sys.argv[1:])
+    if f"/{group}: ${{scale}}" in chosen and not given:
+        has = f"{group}={option} has no file in configs/{group}, where the recipe {name} looks for the scale's name"
+        return f"{has}; scales with one are {', '.join(valid)}; or choose one beside your scale: {group}={valid[0]}"
     there = f"{', '.join(valid)} (files of configs/{group})"
     return f"{group}={option}: {group} must be one of {there}{did_you_mean(option, valid)}"
 

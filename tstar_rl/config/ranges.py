@@ -12,6 +12,10 @@ from tstar_rl.demonstrations.header import KINDS, unknown_setting
 
 __all__ = ["chain_length", "check_machine", "check_ranges_of", "find"]
 
+SAVED = ("last", "best", "prior")
+"""Names under which a run keeps what it has trained."""
+NAMES = ("system", "skills")
+"""Values that are folders of a run's place."""
 MODES = ("deterministic", "stochastic")
 """How actions are taken in an evaluation: the names of `rollouts.episodes.MODES`, which needs torch."""
 LEAST = {
@@ -82,11 +86,12 @@ CHOICES = {
     "launch": ("local", "ray"),
     "collection.backend": ("local", "ray"),
     "demonstrations.kind": KINDS,
+    "checkpoint": SAVED,
     "from_checkpoint": ("last", "best"),
     "mode": MODES,
     "physics": ("mujoco", "warp", None),
 }
-CHOICES_OF_LISTS = {"kinds": KINDS, "modes": MODES}
+CHOICES_OF_LISTS = {"checkpoints": SAVED, "kinds": KINDS, "modes": MODES}
 """The same of every entry of a list."""
 
 
@@ -115,6 +120,10 @@ def check_ranges_of(values: Mapping[str, Any]) -> None:
         for value in find(values, name) or ():
             if value not in choices:
                 raise ConfigError(f"each {name[:-1]} must be one of {', '.join(choices)}; got {value!r}")
+    for name in NAMES:
+        value = values.get(name)
+        if value is not None and any(part in ("", ".", "..") for part in value.split("/")):
+            raise ConfigError(f"{name} must be a name, or names joined by /, got {value!r}")
     if told := unknown_setting(find(values, "demonstrations.may_differ") or ()):
         raise ConfigError(f"demonstrations.may_differ has {told}")
     for seed in values.get("seeds") or ():

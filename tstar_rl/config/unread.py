@@ -44,9 +44,18 @@ def check_what_is_not_read(values: Mapping[str, Any], name: str) -> None:
     if values["env"].get("max_steps") is not None and trains:
         limits = "training.max_steps and chain.trial_max_steps" if chains else "training.max_steps"
         raise ConfigError(f"env.max_steps is not read in training: the time limit there is {limits}")
+    _check_demonstrations(values.get("demonstrations") or {})
     _check_rewards(values, name)
     if name in FINE_TUNING:
         _check_chain(values, name)
+
+
+def _check_demonstrations(made: Mapping[str, Any]) -> None:
+    for key in ("observation_key", "filter_key"):
+        if made.get(key) is not None and made.get("file") is None:
+            raise ConfigError(
+                f"demonstrations.{key} is of a file of your own, and demonstrations.file is null; got {made[key]}"
+            )
 
 
 def _check_rewards(values: Mapping[str, Any], name: str) -> None:

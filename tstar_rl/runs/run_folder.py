@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
-from tstar_rl.checks import InvalidValueError
+from tstar_rl.checks import InvalidValueError, did_you_mean
 
 __all__ = [
     "RECIPES",
@@ -76,4 +76,10 @@ def made_by(path: str | Path) -> str:
     if (RECIPES / f"{system}.py").is_file():
         command = f"python recipes/{system}.py task={task}{part} seed={seed}"
         return f": train it first ({command}, with the scale and the folders given here)"
-    return f": train system={system} of task={task}{part} seed={seed} first"
+    known = {path.stem for path in RECIPES.glob("*.py")}
+    known |= {path.name for path in Path(root or ".", task).glob("*") if path.is_dir()}
+    named_after = any(
+        Path(system).name.startswith(name) for name in known
+    )  # as tstar_costliest is after tstar
+    hint = "" if named_after else did_you_mean(system, sorted(known))
+    return f": train system={system} of task={task}{part} seed={seed} first{hint}"
