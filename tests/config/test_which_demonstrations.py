@@ -69,6 +69,17 @@ def test_what_may_differ_is_a_setting(demonstrations, tmp_path):
         load_demonstrations(asked, 2)
 
 
+def test_those_of_another_kind_are_refused(demonstrations, tmp_path):
+    """A copy under the other name: nothing is learned from it that config.yaml does not say."""
+    demonstrations.save(place(tmp_path).with_name("subtask2_plain.npz"))
+    asked = config(tmp_path)
+    asked.demonstrations.kind = "plain"
+    with pytest.raises(DemonstrationError, match="kind was 'noisy' when it was saved, and is 'plain' now"):
+        load_demonstrations(asked, 2)
+    with pytest.raises(DemonstrationError, match="kind was 'noisy' when it was saved, and is 'plain' now"):
+        check_made(asked, 2, "plain")
+
+
 def test_a_file_is_kept_if_it_is_what_would_be_made(demonstrations, tmp_path):
     with pytest.raises(FileNotFoundError):
         check_made(config(tmp_path), 2, "noisy")

@@ -50,11 +50,11 @@ def load_demonstrations(config: DictConfig, subtask: int | None) -> "Demonstrati
 
     They must have been made in the config's world: every setting of the environment is compared, but those of
     demonstrations.may_differ and the time limit. One that the file or the config does not name has its default. Of the
-    library's own, number and noise are compared too: a run's config.yaml says what it learned from.
+    library's own, kind, number and noise are compared too: a run's config.yaml says what it learned from.
 
     Raises:
         MissingFileError: there is no file.
-        DemonstrationError: the file is wrong anywhere, or is of another task, subtask, settings, number or noise.
+        DemonstrationError: the file is wrong anywhere, or is of another task, subtask, settings, kind, number or noise.
         InvalidValueError: demonstrations.may_differ names what is no setting.
     """
     from tstar_rl.demonstrations.data_set import (
@@ -67,7 +67,7 @@ def load_demonstrations(config: DictConfig, subtask: int | None) -> "Demonstrati
         path = demonstrations_path(config, subtask, config.demonstrations.kind)
         found = Demonstrations.load(path, config.task.name, subtask)
         hint = "give the same, or delete it to make it again"
-        made = _otherwise_made(config, config.demonstrations.kind, len(found), found.noise)
+        made = _otherwise_made(config, config.demonstrations.kind, found.kind, len(found), found.noise)
     else:
         path = Path(given) / f"{part_name(subtask)}.hdf5" if Path(given).is_dir() else Path(given)
         keys = config.demonstrations.observation_key, config.demonstrations.filter_key
@@ -89,19 +89,29 @@ def check_made(config: DictConfig, subtask: int | None, kind: str) -> None:
     """
     path = demonstrations_path(config, subtask, kind)
     made = read_made(path)
-    found = {"task": made.header["task"], "subtask": made.header["subtask"], "kind": made.header["kind"]}
-    wrong = differences(found, {"task": config.task.name, "subtask": subtask, "kind": kind})
+    found = {"task": made.header["task"], "subtask": made.header["subtask"]}
+    wrong = differences(found, {"task": config.task.name, "subtask": subtask})
     wrong += _other_settings(config, made.header["arguments"])
-    wrong += _otherwise_made(config, kind, made.episodes, made.noise)
+    wrong += _otherwise_made(config, kind, made.header["kind"], made.episodes, made.noise)
     if wrong:
         raise DemonstrationError(
             f"{path}: {'; '.join(wrong)}; delete it, or set resume=false, to make it again"
         )
 
 
-def _otherwise_made(config: DictConfig, kind: str, episodes: int, noise: float | None) -> list[str]:
-    """Readable differences between how many demonstrations there are, and of which noise, and the config's."""
-    asked, wrong = config.demonstrations, []
+def _otherwise_made(
+    config: DictConfig, kind: str, found: str, episodes: int, noise: float | None
+) -> list[str]:
+    """Readable differences between the kind, number and noise of demonstrations and those asked for.
+
+    Args:
+        config: whose demonstrations.episodes and demonstrations.noise are asked for.
+        kind: asked for.
+        found: the kind that the file says.
+        episodes: that it has.
+        noise: that it says; None where it does not.
+    """
+    asked, wrong = config.demonstrations, differences({"kind": found}, {"kind": kind})
     if episodes != asked.episodes:
         wrong.append(f"it has {episodes} episodes, and demonstrations.episodes is {asked.episodes}")
     if kind == "noisy" and noise not in (None, asked.noise):
