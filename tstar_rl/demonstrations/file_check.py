@@ -19,7 +19,7 @@ __all__ = [
     "Made",
     "read",
     "read_made",
-    "snapshot_shapes",
+    "snapshot_layout",
 ]
 
 ARRAYS: dict[str, tuple[str, int | None, np.dtype]] = {
@@ -151,36 +151,37 @@ def _check_array(path: str | Path, name: str, array: np.ndarray, sizes: dict[str
 
 
 def _check_snapshots(path: str | Path, arrays: dict[str, np.ndarray], rows: int, task: str) -> None:
-    shapes = snapshot_shapes(task)
-    for name in shapes:
+    layout = snapshot_layout(task)
+    for name in layout:
         if name not in arrays:
             raise DemonstrationError(f"{path}: field {name} is missing")
     for name, array in arrays.items():
         if not name.startswith("snapshot/"):
             continue
-        if name not in shapes:
-            raise DemonstrationError(f"{path}: field {name} is unknown; valid: {', '.join(shapes)}")
-        if array.dtype.kind not in "bif":
+        if name not in layout:
+            raise DemonstrationError(f"{path}: field {name} is unknown; valid: {', '.join(layout)}")
+        shape, dtype = layout[name]
+        if array.dtype != dtype:
+            raise DemonstrationError(f"{path}: field {name} has type {array.dtype}, should be {dtype}")
+        if array.shape != (rows, *shape):
             raise DemonstrationError(
-                f"{path}: field {name} has type {array.dtype}, should be numbers or flags"
-            )
-        if array.shape != (rows, *shapes[name]):
-            raise DemonstrationError(
-                f"{path}: field {name} has shape {array.shape}, should be {(rows, *shapes[name])}"
+                f"{path}: field {name} has shape {array.shape}, should be {(rows, *shape)}"
             )
         _check_finite(path, name, array)
 
 
 @functools.cache
-def snapshot_shapes(task: str) -> dict[str, tuple[int, ...]]:
-    """What a snapshot of the task has, by the name of the array, and the shape of one row."""
+def snapshot_layout(task: str) -> dict[str, tuple[tuple[int, ...], np.dtype]]:
+    """What a snapshot of the task has: by the name of the array, the shape of one row, and the type."""
     from tstar_rl.env.furniture_env import FurnitureEnv
 
     env = FurnitureEnv(task, nthread=1)
     try:
         entries = env.snapshot().items(True, True)
         names = {key if isinstance(key, str) else "/".join(key): value for key, value in entries}
-        return {f"snapshot/{name}": tuple(value.shape[1:]) for name, value in names.items()}
+        return {
+            f"snapshot/{name}": (tuple(value.shape[1:]), value.numpy().dtype) for name, value in names.items()
+        }
     finally:
         env.close()
 

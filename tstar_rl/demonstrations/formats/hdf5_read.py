@@ -9,7 +9,7 @@ from tensordict import TensorDict
 from torch import Tensor
 
 from tstar_rl.demonstrations.data_set import Demonstrations
-from tstar_rl.demonstrations.file_check import DemonstrationError, snapshot_shapes
+from tstar_rl.demonstrations.file_check import DemonstrationError, snapshot_layout
 from tstar_rl.demonstrations.formats.hdf5_check import Contents, read_contents
 from tstar_rl.demonstrations.formats.recording import Episode, Recording
 from tstar_rl.demonstrations.formats.states import StateLayout
@@ -117,8 +117,8 @@ def _snapshots(path: str | Path, contents: Contents, rows: int) -> TensorDict:
     if len(states) < len(contents.demos) or "state_layout" not in contents.attributes:
         return TensorDict({}, [rows])
     layout = _layout(path, contents)
-    found = {f"snapshot/{entry.name}": tuple(entry.shape) for entry in layout.entries}
-    wanted = snapshot_shapes(contents.task)
+    found = {f"snapshot/{entry.name}": (entry.shape, np.dtype(entry.dtype)) for entry in layout.entries}
+    wanted = snapshot_layout(contents.task)
     if found != wanted:
         odd = sorted({name.removeprefix("snapshot/") for name, _ in found.items() ^ wanted.items()})
         raise DemonstrationError(
