@@ -74,6 +74,15 @@ def test_no_start_is_beyond_the_time_limit_of_training(demonstrations):
     assert torch.equal(demonstrations.snapshots["task", "episode_step"], made)
 
 
+def test_an_episode_from_a_demonstration_is_no_longer_than_the_time_limit(demonstrations):
+    drawn = DemonstrationStarts(demonstrations, 5, steps=5).sample(9, torch.Generator().manual_seed(0))
+    assert (drawn["task", "episode_step"] == 0).all()
+    with pytest.raises(
+        InvalidValueError, match=r"demonstration_steps must be at most 5, .*max_steps.*; got 6"
+    ):
+        DemonstrationStarts(demonstrations, 5, steps=6)
+
+
 def test_a_truncated_file(path):
     path.write_bytes(path.read_bytes()[:-500])
     with pytest.raises(DemonstrationError, match=r"some\.npz cannot be read"):

@@ -21,7 +21,7 @@ class DemonstrationStarts:
         steps: that an episode from there has, whatever the demonstration had made; None: those that the limit leaves.
 
     Raises:
-        InvalidValueError: the demonstrations have no states.
+        InvalidValueError: the demonstrations have no states, or `steps` is more than the limit.
 
     Source: Peng et al. 2018, DeepMimic, "reference state initialization"; Nair et al. 2018, "resets".
     """
@@ -31,6 +31,11 @@ class DemonstrationStarts:
         if self.snapshots.is_empty():
             raise InvalidValueError(
                 "training.demonstration_starts needs demonstrations with full states; these have none: set it to 0"
+            )
+        if steps is not None and steps > limit:
+            raise InvalidValueError(
+                f"training.demonstration_steps must be at most {limit}, the steps of a whole episode "
+                f"(training.max_steps a subtask); got {steps}"
             )
         if steps is None:
             self.snapshots = self.snapshots[self.snapshots["task", "episode_step"] < limit]
