@@ -41,6 +41,12 @@ def test_a_start_with_one_run_says_nothing_and_equal_outcomes_have_no_variance()
     assert (found.starts, found.succeeded) == (2, 1.0) and math.isnan(found.within)
 
 
+def test_one_start_has_nothing_to_be_compared_with():
+    found = of_groups([1, 0, 1, 1], [1])
+    assert found is not None
+    assert (found.starts, found.succeeded) == (1, 0.75) and math.isnan(found.within)
+
+
 def test_starts_are_handed_out_in_order_each_as_often_as_asked():
     rows = TensorDict({"snapshot": torch.arange(3).unsqueeze(-1)}, [3])
     drawn = Repeated(rows, 2).sample(7, torch.Generator())

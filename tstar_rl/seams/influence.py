@@ -28,7 +28,7 @@ class Influence(NamedTuple):
     succeeded: float
     """Share of the terminal states behind these starts from which the next skill succeeds."""
     within: float
-    """Share of the outcome's variance between runs from one start: 1, the skill decides it all; 0, nothing."""
+    """Share of the outcome's variance between runs from one start: 1, the skill decides it all; 0, nothing. Or nan."""
 
 
 class Repeated(TerminationSet):
@@ -89,12 +89,15 @@ def influence_of(
 def share_within(groups: Tensor, outcomes: Tensor) -> Influence | None:
     """Splits the variance of outcomes into what lies within groups and between them.
 
-    The variance within is estimated without bias from each group of two or more; groups count by their size. With
-    outcomes that are all the same there is no variance to split, and `within` is nan.
+    The variance within is estimated without bias from each group of two or more; groups count by their size. `within`
+    is nan where there is nothing to split: with one such group, or with outcomes that are all the same.
 
     Args:
         groups: (n,) int64, which start each run is from.
         outcomes: (n,) bool.
+
+    Returns:
+        None where no group has two runs.
 
     Source: Searle, Casella and McCulloch, Variance Components, 1992, section 3.6 (one-way classification).
     """
@@ -111,10 +114,10 @@ def share_within(groups: Tensor, outcomes: Tensor) -> Influence | None:
     inside = numbers * means * (1 - means)  # sum of squares in each group: outcomes are 0 or 1
     starts = len(numbers)
     within = float(inside.sum() / (total - starts))
-    between = 0.0
-    if starts > 1:
-        square = float((numbers * (means - values.mean()).square()).sum()) / (starts - 1)
-        size = float(total - numbers.square().sum() / total) / (starts - 1)
-        between = max((square - within) / size, 0.0)
+    if starts < 2:
+        return Influence(starts, float(values.mean()), float("nan"))
+    square = float((numbers * (means - values.mean()).square()).sum()) / (starts - 1)
+    size = float(total - numbers.square().sum() / total) / (starts - 1)
+    between = max((square - within) / size, 0.0)
     whole = within + between
     return Influence(starts, float(values.mean()), within / whole if whole > 0 else float("nan"))
