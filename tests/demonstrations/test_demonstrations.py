@@ -94,6 +94,9 @@ def test_another_task(path):
         DemonstrationError, match="field task, subtask is table_lack, 2; wanted table_lack, 0"
     ):
         Demonstrations.load(path, "table_lack", 0)
+    with pytest.raises(DemonstrationError, match="is table_lack, 2; wanted table_lack, None"):
+        Demonstrations.load(path, "table_lack")  # the whole task
+    assert Demonstrations.load(path).subtask == 2
 
 
 def test_no_file(tmp_path):

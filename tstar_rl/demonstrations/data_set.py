@@ -100,11 +100,16 @@ class Demonstrations:
 
     @classmethod
     def load(cls, path: str | Path, task: str | None = None, subtask: int | None = None) -> "Demonstrations":
-        """Reads and checks the file, and that it is of `task` and `subtask` where these are given.
+        """Reads and checks the file.
+
+        Args:
+            path: of the file.
+            task: that it must be of; None: any.
+            subtask: likewise, where a task is given; None: the whole task.
 
         Raises:
-            FileNotFoundError: if there is no file.
-            DemonstrationError: names the field that is wrong.
+            MissingFileError: there is no file; a FileNotFoundError.
+            DemonstrationError: names the field that is wrong; also for another task or subtask.
         """
         header, arrays = read(path)
         if task is not None and (header["task"], header["subtask"]) != (task, subtask):
