@@ -92,6 +92,33 @@ def test_what_is_logged_and_what_is_refused():
         update(torch.randn(4, 72), torch.ones(3))
 
 
+@pytest.mark.parametrize("deviation", [0.1, 0.4])
+def test_the_loss_gets_rows_with_their_labels_and_noise_of_the_deviation_asked_for(deviation, monkeypatch):
+    settings = LabelledSettings(steps=3, noise=deviation)
+    update = LabelledUpdate("f", make_discriminator(72, hidden=(8,)), outcome_loss, settings)
+    seen, forward = [], update.loss.forward
+    monkeypatch.setattr(update.loss, "forward", lambda batch: seen.append(batch) or forward(batch))
+    states = torch.arange(9.0).unsqueeze(-1).expand(9, 72)
+    update(states, (states[:, 0] > 4).float())
+    assert len(seen) == 3
+    for batch in seen:
+        assert torch.equal(batch["label"], (batch["observation"][:, :1] > 4).float())
+        assert batch["noise"].shape == batch["observation"].shape == (256, 72)
+        assert float(batch["noise"].std()) == pytest.approx(deviation, rel=0.03)
+
+
+def test_weights_decay_where_the_loss_says_nothing():
+    """A step of AdamW without a gradient leaves 1 - .1 * .01 of each."""
+    network = make_discriminator(72, hidden=(8,))
+    before = copy.deepcopy(network.state_dict())
+    settings = LabelledSettings(learning_rate=0.1, steps=1)
+    LabelledUpdate("f", network, lambda scores, labels: 0 * scores.mean(), settings)(
+        torch.randn(9, 72), torch.ones(9)
+    )
+    for name, value in network.state_dict().items():
+        assert_close(value, 0.999 * before[name])
+
+
 def test_an_update_goes_on_from_its_state():
     states, good = outcomes()
     settings = LabelledSettings(steps=3)

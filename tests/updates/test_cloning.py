@@ -1,7 +1,9 @@
 """Behaviour cloning."""
 
+import pytest
 import torch
 from small_skill import small_skill
+from torch.optim.optimizer import register_optimizer_step_pre_hook
 
 from tstar_rl.updates import (
     BehaviourCloningSettings,
@@ -16,3 +18,16 @@ def test_cloning_reproduces_a_linear_expert():
     settings = BehaviourCloningSettings(epochs=40, minibatch=64, learning_rate=3e-3, cosine_decay=True)
     log = behaviour_cloning(skill.policy, obs, actions, settings)
     assert log["bc_loss"] < 0.1 * float(actions.square().mean())
+
+
+@pytest.mark.parametrize(
+    ("cosine_decay", "shares"),
+    [(False, [1.0, 1.0, 1.0, 1.0]), (True, [1.0, 0.853553, 0.5, 0.146447])],  # (1 + cos(pi e / 4)) / 2
+)
+def test_the_rate_of_each_epoch(cosine_decay, shares):
+    rates = []
+    hook = register_optimizer_step_pre_hook(lambda adam, *rest: rates.append(adam.param_groups[0]["lr"]))
+    settings = BehaviourCloningSettings(epochs=4, minibatch=64, learning_rate=3e-3, cosine_decay=cosine_decay)
+    behaviour_cloning(small_skill().policy, torch.randn(64, 72), torch.zeros(64, 9), settings)
+    hook.remove()
+    assert rates == pytest.approx([3e-3 * share for share in shares], rel=1e-4)

@@ -74,6 +74,19 @@ def test_one_side_of_weight_one_is_the_plain_update_and_an_empty_side_is_none():
         update.on_sides([{"expert": side["initiation"]}])
 
 
+def test_the_losses_of_sides_count_by_their_weight():
+    """Adam's steps would hide it: the gradients are compared."""
+    gradients = []
+    for weight in (0.5, 1.0):
+        torch.manual_seed(0)
+        network = make_discriminator(72, hidden=(8,))
+        labels = {"initiation": 1.0, "termination": 0.0}
+        update = DiscriminatorUpdate("d", network, labels, DiscriminatorSettings(steps=1))
+        update.on_sides(two_sides(1.0, -1.0), weight=weight)
+        gradients.append(torch.cat([each.grad.flatten() for each in network.parameters()]))
+    torch.testing.assert_close(gradients[1], 2 * gradients[0])
+
+
 @pytest.mark.parametrize("steps", [1, 5])
 def test_an_update_takes_the_steps_and_the_minibatch_that_are_asked_for(steps, monkeypatch):
     torch.manual_seed(0)

@@ -1,0 +1,40 @@
+"""What one step of PPO's optimisers descends, and how far."""
+
+import pytest
+import torch
+from tensordict import TensorDict
+
+from tstar_rl.chaining.skill import NetworkSettings, Skill
+from tstar_rl.updates import PolicyUpdate, PPOSettings
+
+
+def one_step(settings: PPOSettings, advantage: float) -> tuple[PolicyUpdate, TensorDict]:
+    """An update that has made one step, its actor's deviation learned, on a batch with advantages + and - that."""
+    torch.manual_seed(0)
+    skill = Skill("point", 0, NetworkSettings(hidden=(32, 32), std="state"))
+    update = PolicyUpdate(skill.policy, skill.value, settings, skill.return_scale)
+    batch = TensorDict({"observation": torch.randn(2, 72), "action": torch.randn(2, 9)}, [2])
+    batch["action_log_prob"] = skill.policy.get_dist(batch).log_prob(batch["action"]).detach()
+    batch["encoded"] = update.encoder.module(batch["observation"])
+    batch["advantage"] = torch.tensor([[advantage], [-advantage]])
+    batch["value_target"] = torch.full((2, 1), 100.0)
+    batch["before"] = skill.policy.get_dist(batch).stddev.detach()
+    update._step(batch, True, {"actor_steps": 0, "critic_steps": 0, "loss_policy": 0.0, "loss_critic": 0.0})
+    batch["after"] = skill.policy.get_dist(batch).stddev.detach()
+    return update, batch
+
+
+def test_the_bonus_for_entropy_makes_the_deviation_grow():
+    """Without advantages nothing else moves the actor."""
+    _, batch = one_step(PPOSettings(entropy_coeff=0.1), 0.0)
+    assert (batch["after"] > batch["before"]).all()
+    _, batch = one_step(PPOSettings(entropy_coeff=0.0), 0.0)
+    assert torch.equal(batch["after"], batch["before"])
+
+
+def test_the_gradients_of_actor_and_critic_are_each_clipped_to_the_norm():
+    for limit in (1e-3, 2e-3):
+        update, _ = one_step(PPOSettings(max_grad_norm=limit), 1.0)
+        for parameters in (update.actor_parameters, update.critic_parameters):
+            norm = torch.nn.utils.get_total_norm([each.grad for each in parameters if each.grad is not None])
+            assert float(norm) == pytest.approx(limit, rel=1e-3)
