@@ -78,6 +78,7 @@ MISTAKES = [
     ("gail_ppo", ["networks.std=learned"], "networks.std must be one of state, fixed; got 'learned'"),
     ("gail_ppo", ["networks.action_std=-1"], "networks.action_std must be positive, got -1"),
     ("gail_ppo", ["networks.discriminator_hidden=[-3]"], r"networks.discriminator_hidden must be sizes .* got \(-3,\)"),
+    ("gail_ppo", ["f_phi.penalty=none"], "f_phi.penalty must be one of zero_at_first, one_between; got 'none'"),
     ("gail_ppo", ["exploration.arm=[-1,0.1]"], "exploration.arm must be positive deviations, got"),
     ("make_demonstrations", ["demonstrations.noise=-1"], "demonstrations.noise must be not negative, got -1"),
     ("tstar", ["chain.rounds=0"], "chain.rounds must be a whole number from 1, got 0"),

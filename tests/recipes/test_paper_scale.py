@@ -38,7 +38,12 @@ PAPER = {
     **{
         f"{network}.{name}": value
         for network in ("f_phi", "d_omega")
-        for name, value in {"learning_rate": 1e-4, "gradient_penalty": 10.0, "minibatch": 128}.items()
+        for name, value in {
+            "learning_rate": 1e-4,
+            "gradient_penalty": 10.0,
+            "penalty": "one_between",
+            "minibatch": 128,
+        }.items()
     },
     # PPO
     "training.num_envs": 16,

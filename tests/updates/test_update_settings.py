@@ -39,6 +39,11 @@ from tstar_rl.updates import (
             {"gradient_penalty": -1.0},
             "gradient_penalty must be not negative, got -1.0",
         ),
+        (
+            DiscriminatorSettings,
+            {"penalty": "one"},
+            "DiscriminatorSettings.penalty must be one of zero_at_first, one_between; got 'one'",
+        ),
         (PPOSettings, {"epochs": 0}, "PPOSettings.epochs must be at least 1, got 0"),
         (PPOSettings, {"learning_rate": math.nan}, "PPOSettings.learning_rate must be positive, got nan"),
         (PPOSettings, {"critic_learning_rate": -1e-3}, "critic_learning_rate must be positive, got -0.001"),
