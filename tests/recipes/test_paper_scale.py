@@ -25,7 +25,7 @@ BUDGET = [
     "chain.trial_episodes=8",
     "chain.trial_every=4",
 ]
-PAPER = {
+PAPER = {  # a batch of the paper's has 128 rows on each of 16 workers
     # policy and value function
     "networks.hidden": [128, 256],
     "networks.activation": "relu",
@@ -42,13 +42,14 @@ PAPER = {
             "learning_rate": 1e-4,
             "gradient_penalty": 10.0,
             "penalty": "one_between",
-            "minibatch": 128,
+            "minibatch": 128 * 16,
+            "steps": 1024 // 128 // 4,
         }.items()
     },
     # PPO
     "training.num_envs": 16,
     "training.horizon": 1024,
-    "ppo.minibatch": 128,
+    "ppo.minibatch": 128 * 16,
     "ppo.epochs": 10,
     "ppo.learning_rate": 3e-4,
     "ppo.linear_decay": True,
@@ -109,6 +110,16 @@ def test_a_chain_has_the_papers_figures():
     # A skill stays what training made of it, the sets begin empty, and pass i trains D of skill i.
     names = ("gate", "seed_episodes", "d_omega_of", "carry_over", "kept_states")
     assert [found[f"chain.{name}"] for name in names] == [False, 0, "own", True, "all"]
+
+
+def test_on_a_gpu_an_environment_step_has_as_many_steps_of_the_optimisers():
+    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
+        found = [compose("recipe/tstar", [f"scale={scale}"]) for scale in ("paper", "paper_gpu")]
+    frames = [each.training.num_envs * each.training.horizon for each in found]
+    for network in ("f_phi", "d_omega"):
+        assert found[0][network].minibatch == found[1][network].minibatch
+        assert found[0][network].steps / frames[0] == found[1][network].steps / frames[1]
+    assert found[0].ppo.minibatch == found[1].ppo.minibatch and found[0].ppo.epochs == found[1].ppo.epochs
 
 
 def test_cloning_has_the_papers_figures():
