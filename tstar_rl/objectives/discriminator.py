@@ -35,8 +35,8 @@ class DiscriminatorLoss(LossModule):
     Raises:
         ValueError: if there are not two labels, or the weight is negative.
 
-    Source: the paper, text below eq. 1 (f_phi) and L_i(omega) in section 3.3 (d_omega), which has no penalty; AMP eq. 8
-    for the penalty at the first kind. The code released with the paper has that between the kinds, for f_phi and
+    Source: the paper, text below eq. 1 (f_phi) and L_i(omega) in section 3.3 (d_omega), neither of which has a penalty;
+    AMP eq. 8 for the one at the first kind. The code released with the paper has that between the kinds, for f_phi and
     d_omega (`_compute_grad_pen` of `gail_agent.py` and of `policy_sequencing_agent.py`). There the gradient is that of
     the observation's first entry alone, the poses of the parts; here it is that of the whole observation.
     """
