@@ -3,8 +3,9 @@
     python recipes/proximity.py task=table_lack scale=laptop seed=0
 
 P is 1 in the last state of an episode that was handed over well, decay^k in the k-th state before, 0 in all states of
-one that was not. It learns from the trials of the chain: only they show what the next skill made of an episode's end. A
-step is paid P(s') - P(s), the last one of a success P(s') more. Control: `policy_sequencing.py` on the same starts.
+one that was not. It learns from the trials of the chain, whose episodes alone show what the next skill made of their
+end, and from their last chain.path_steps states: before these it is not learned. A step is paid P(s') - P(s), the last
+one of a success P(s') more. Control: `policy_sequencing.py` on the same starts.
 """
 
 from omegaconf import DictConfig
