@@ -41,6 +41,8 @@ class TerminalStateReward(RewardTransform):
             "before" the state in which the last action was taken.
         baseline: "none" (the paper), or "running_mean" to subtract an exponential mean of the scores of
             successes, these included, so that only what tells one success from another is paid, not success itself.
+            The mean is this transform's: recipes make one for every turn, so that it begins anew there, and the first
+            successes of a turn set it.
         momentum: weight of one success in the running mean.
 
     Raises:
