@@ -5,6 +5,7 @@ import torch
 from small_skill import small_skill
 from torch.optim.optimizer import register_optimizer_step_pre_hook
 
+from tstar_rl.models.networks import split_policy
 from tstar_rl.updates import (
     BehaviourCloningSettings,
     behaviour_cloning,
@@ -31,3 +32,13 @@ def test_the_rate_of_each_epoch(cosine_decay, shares):
     behaviour_cloning(small_skill().policy, torch.randn(64, 72), torch.zeros(64, 9), settings)
     hook.remove()
     assert rates == pytest.approx([3e-3 * share for share in shares], rel=1e-4)
+
+
+def test_the_minibatches_of_an_epoch_are_nearly_equal():
+    """Of 65 rows 33 and 32, not 64 and one that would get a whole step."""
+    policy, sizes = small_skill().policy, []
+    _, body = split_policy(policy)
+    body.module.register_forward_hook(lambda module, inputs, output: sizes.append(len(inputs[0])))
+    settings = BehaviourCloningSettings(epochs=1, minibatch=64)
+    behaviour_cloning(policy, torch.randn(65, 72), torch.zeros(65, 9), settings)
+    assert sizes == [33, 32]

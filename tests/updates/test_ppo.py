@@ -13,7 +13,7 @@ from tstar_rl.models.return_scale import ReturnScale
 from tstar_rl.rollouts.collection import Collection, with_starts
 from tstar_rl.transforms import RewardMixture
 from tstar_rl.updates import PolicyUpdate, PPOSettings
-from tstar_rl.updates.ppo import adapted_share, estimated_kl, nearly_equal
+from tstar_rl.updates.ppo import adapted_share, estimated_kl
 
 
 def rollouts(make_env, skill: Skill, horizon: int = 16) -> Collection:
@@ -57,24 +57,6 @@ def test_kl_stop_holds_the_actor_and_not_the_critic(make_env):
     log = update(RewardMixture({"env": 1.0})(rollouts(make_env, skill).rollout()))
     assert log["kl"] > 1e-3
     assert log["actor_steps"] < log["critic_steps"] == 10 * 16 * 16 // 64
-
-
-@pytest.mark.parametrize(
-    ("rows", "minibatch", "sizes"),
-    [
-        (33, 16, [11, 11, 11]),  # not 16, 16 and one row
-        (50, 16, [13, 13, 12, 12]),
-        (32, 16, [16, 16]),
-        (5, 16, [5]),
-        (3, 1, [1, 1, 1]),
-    ],
-)
-def test_minibatches_are_nearly_equal(rows, minibatch, sizes):
-    order = torch.randperm(rows)
-    parts = nearly_equal(order, minibatch)
-    assert [len(part) for part in parts] == sizes and torch.equal(torch.cat(parts), order)
-    if rows % minibatch == 0:
-        assert all(torch.equal(*both) for both in zip(parts, order.split(minibatch), strict=True))
 
 
 def test_an_update_is_made_of_nearly_equal_minibatches(make_env, monkeypatch):

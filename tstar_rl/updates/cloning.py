@@ -8,6 +8,7 @@ from torchrl.modules import ProbabilisticActor
 
 from tstar_rl.checks import check_ranges
 from tstar_rl.models.networks import split_policy
+from tstar_rl.updates.minibatches import nearly_equal
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,7 @@ def behaviour_cloning(
     for _ in range(settings.epochs):
         loss_sum, count = torch.zeros_like(loss_sum), 0
         order = torch.randperm(len(observations), generator=generator, device=device)
-        for rows in order.split(settings.minibatch):
+        for rows in nearly_equal(order, settings.minibatch):
             loc, _ = body.module(encoded[rows])
             loss = (loc - actions[rows]).square().mean()
             optimizer.zero_grad()

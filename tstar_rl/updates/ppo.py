@@ -16,6 +16,7 @@ from tstar_rl.models.blocks import in_blocks
 from tstar_rl.models.networks import split_encoder
 from tstar_rl.models.precision import Bfloat16
 from tstar_rl.models.return_scale import ReturnScale
+from tstar_rl.updates.minibatches import nearly_equal
 from tstar_rl.updates.ppo_settings import PPOSettings
 
 LEAST_SHARE = 0.01
@@ -193,14 +194,6 @@ class PolicyUpdate:
         if "carried" in state:
             self.carried = state["carried"].to(self.device)
         self.rate_share = float(state.get("rate_share", 1.0))
-
-
-def nearly_equal(order: Tensor, minibatch: int) -> tuple[Tensor, ...]:
-    """Splits rows (n,) into as few parts of at most `minibatch` as there can be, whose sizes differ by one at most.
-
-    A remainder of a few rows would get a whole step of the optimisers, and its KL would decide the next rate.
-    """
-    return order.tensor_split(max(math.ceil(len(order) / minibatch), 1))
 
 
 def estimated_kl(mean_ratio: Tensor, mean_log: Tensor) -> Tensor:
