@@ -132,8 +132,9 @@ class TurnUpdates(Training):
     def chained(self, rollout: TensorDictBase) -> TensorDictBase:
         """The rows of a rollout whose terminal states join beta_i, as chain.kept_states says.
 
-        "all" (Algorithm 1): all rows. "chained" (the released code): those of episodes that began where the skill
-        before ended; of the first skill, all.
+        "all" (Algorithm 1): all rows. "chained": those of episodes that began where the skill before ended; of the
+        first skill, all. The released code has a list for starts, which takes those, and one for D_omega, which takes
+        all; beta_i is both.
         """
         if self.index == 0 or self.chain.settings.kept_states == "all":
             return rollout

@@ -99,7 +99,7 @@ def make_starts(
         The source, and a probability of 0 where only the environment has a share.
 
     Source: the paper's appendix C: T-STAR 20% environment and 80% buffer, Policy Sequencing 20% and 80% Gaussian; the
-    code released with it: 20%, 70% buffer, 10% Gaussian.
+    code released with it: 20%, 70% buffer, 10% Gaussian, a diagonal one.
     """
     whole = check_shares(shares)
     chained = {name: whole[name] for name in ("gaussian", "buffer") if whole[name] > 0}
