@@ -13,12 +13,12 @@ from torchrl.envs import Compose
 from tstar_rl.chaining.chain import ChainPolicy
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.config.build import (
-    demonstrations_path,
     environment,
     load_demonstrations,
     new_skill,
     new_spirl_agent,
 )
+from tstar_rl.config.demonstrations import demonstrations_path
 from tstar_rl.config.values import CONFIGS
 from tstar_rl.demonstrations.collect import collect
 from tstar_rl.env.layout import observation_size
