@@ -14,6 +14,7 @@ from tstar_rl.checks import InvalidValueError, check_ranges
 from tstar_rl.demonstrations.data_set import Demonstrations
 from tstar_rl.equations import latent_prior_loss, latent_reconstruction_loss, latent_regularisation_loss
 from tstar_rl.spirl.model import LatentModel
+from tstar_rl.updates.minibatches import nearly_equal
 
 __all__ = ["LatentModelLoss", "ModelTrainingSettings", "split_windows", "train_latent_model", "windows"]
 
@@ -181,7 +182,7 @@ def train_latent_model(
     for epoch in range(1, settings.epochs + 1):
         sums: dict[str, Tensor] = {}
         order = torch.randperm(len(training), generator=generator)
-        for rows in order.split(settings.minibatch):
+        for rows in nearly_equal(order, settings.minibatch):
             out = loss(training[rows])
             optimizer.zero_grad()
             torch.stack([value for key, value in out.items() if key.startswith("loss_")]).sum().backward()
