@@ -43,6 +43,11 @@ def test_gradient_penalty_is_half_the_mean_squared_norm():
     assert_close(equations.gradient_penalty(grad), torch.tensor(6.5))
 
 
+def test_unit_gradient_penalty_is_the_mean_squared_distance_of_the_norm_from_one():
+    grad = torch.tensor([[3.0, 4.0], [0.0, 1.0]])  # norms 5 and 1
+    assert_close(equations.unit_gradient_penalty(grad), torch.tensor(8.0))  # (16 + 0) / 2
+
+
 def test_gaussian_kl_of_diagonal_gaussians():
     # In one dimension: ln(s2 / s1) + (s1^2 + (m1 - m2)^2) / (2 s2^2) - 1/2.
     # The first: ln 2 + (1 + 1) / 8 - 1/2; the second: equal.

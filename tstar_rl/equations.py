@@ -93,6 +93,20 @@ def gradient_penalty(grad: Tensor) -> Tensor:
     return 0.5 * grad.square().sum(-1).mean()
 
 
+def unit_gradient_penalty(grad: Tensor) -> Tensor:
+    """The gradient penalty that is centred at one, the mean squared distance of the gradient's norm from 1.
+
+    Args:
+        grad: gradients of a discriminator with respect to its inputs, (..., D).
+
+    Returns:
+        A scalar, to be multiplied by the penalty's weight (10).
+
+    Source: Gulrajani et al. 2017, eq. 3; `_compute_grad_pen` in the code released with the paper.
+    """
+    return (grad.norm(dim=-1) - 1.0).square().mean()
+
+
 def gaussian_kl(loc: Tensor, scale: Tensor, other_loc: Tensor, other_scale: Tensor) -> Tensor:
     """KL(N(loc, scale) || N(other_loc, other_scale)) of diagonal Gaussians, summed over their dimensions.
 

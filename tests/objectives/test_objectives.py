@@ -53,6 +53,38 @@ def test_the_penalty_is_on_the_normalised_observation():
     assert_close(out["loss_gradient_penalty"], torch.tensor(125.0))
 
 
+class Square(nn.Module):
+    """x -> x^2, whose gradient is 2 x."""
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        return x.square().sum(-1, keepdim=True)
+
+
+def test_the_penalty_of_the_released_code_is_between_the_kinds():
+    """Points 1, 2 and 4: gradients 2, 4 and 8, at distances of 1, 3 and 7 from one: 10 (1 + 9 + 49) / 3."""
+    rows = batch(expert=[[1.0], [1.0], [1.0]], agent=[[5.0], [5.0], [5.0]])
+    rows["between"] = torch.tensor([[0.0], [0.25], [0.75]])
+    out = DiscriminatorLoss(Discriminator(Square()), F_PHI)(rows)
+    assert_close(out["loss_gradient_penalty"], torch.tensor(590 / 3))
+    assert_close(
+        out["loss_discriminator"], torch.tensor(26.0**2)
+    )  # of the states themselves: 0 and (25 + 1)^2
+    assert_close(out["expert_score"], torch.tensor(1.0))
+    del rows["between"]  # at the experts' states, half of 2^2
+    out = DiscriminatorLoss(Discriminator(Square()), F_PHI)(rows)
+    assert_close(out["loss_gradient_penalty"], torch.tensor(20.0))
+
+
+def test_points_between_are_of_normalised_observations():
+    """The network reads -1 and 1 of 10 and 12; in the middle its gradient is 0, at a distance of 1 from one."""
+    normalizer = Normalizer(1)
+    normalizer.fit(torch.tensor([[10.0], [12.0]]))
+    rows = batch(expert=[[10.0]], agent=[[12.0]])
+    rows["between"] = torch.tensor([[0.5]])
+    out = DiscriminatorLoss(Discriminator(Square(), normalizer), F_PHI)(rows)
+    assert_close(out["loss_gradient_penalty"], torch.tensor(10.0), atol=1e-3, rtol=0)
+
+
 @pytest.mark.parametrize("labels", [F_PHI, D_OMEGA], ids=["f_phi", "d_omega"])
 def test_training_approaches_the_labels(labels):
     torch.manual_seed(0)

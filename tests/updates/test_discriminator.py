@@ -89,6 +89,22 @@ def test_an_update_takes_the_steps_and_the_minibatch_that_are_asked_for(steps, m
     assert taken and all(int(step) == steps for step in taken)
 
 
+@pytest.mark.parametrize("penalty", ["zero_at_first", "one_between"])
+def test_points_between_are_drawn_where_the_penalty_is_there(penalty, monkeypatch):
+    torch.manual_seed(0)
+    settings = DiscriminatorSettings(steps=4, minibatch=50, penalty=penalty)
+    update = DiscriminatorUpdate("f", make_discriminator(72, hidden=(8,)), {"a": 1.0, "b": 0.0}, settings)
+    seen, forward = [], update.loss.forward
+    monkeypatch.setattr(update.loss, "forward", lambda batch: seen.append(batch) or forward(batch))
+    log = update(a=torch.randn(20, 72), b=torch.randn(30, 72))
+    assert log["f_loss_gradient_penalty"] > 0 and len(seen) == 4
+    shares = [batch["between"] for batch in seen if "between" in batch]
+    assert len(shares) == (4 if penalty == "one_between" else 0)
+    for share in shares:
+        assert share.shape == (50, 1) and share.min() < 0.2 and share.max() > 0.8
+    assert len({float(share.sum()) for share in shares}) == len(shares)
+
+
 def test_an_empty_set_is_no_update():
     network = make_discriminator(72)
     before = state_of(network)

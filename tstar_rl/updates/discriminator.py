@@ -8,10 +8,12 @@ import torch
 from tensordict import TensorDict
 from torch import Tensor
 
-from tstar_rl.checks import check_ranges
+from tstar_rl.checks import InvalidValueError, check_ranges
 from tstar_rl.models.networks import Discriminator
 from tstar_rl.objectives import DiscriminatorLoss
 from tstar_rl.signal_equations import two_sided_loss
+
+PENALTIES = ("zero_at_first", "one_between")
 
 
 @dataclass(frozen=True)
@@ -23,6 +25,10 @@ class DiscriminatorSettings:
     steps: int = 100
     """Minibatches in one update, drawn at random: a subsample of a large rollout."""
     gradient_penalty: float = 10.0
+    """Weight of the gradient penalty."""
+    penalty: str = "zero_at_first"
+    """One of `PENALTIES`: "zero_at_first" pulls the gradient to zero at states of the first label (AMP), "one_between"
+    its norm to one at random points between states of both labels (the released code); see `DiscriminatorLoss`."""
     bfloat16: bool = False
     """Whether the network computes in bfloat16, in its reward too; its parameters and its optimiser stay in float32."""
 
@@ -33,6 +39,10 @@ class DiscriminatorSettings:
             positive=("learning_rate",),
             not_negative=("gradient_penalty",),
         )
+        if self.penalty not in PENALTIES:
+            raise InvalidValueError(
+                f"DiscriminatorSettings.penalty must be one of {', '.join(PENALTIES)}; got {self.penalty!r}"
+            )
 
 
 class DiscriminatorUpdate:
@@ -107,6 +117,8 @@ class DiscriminatorUpdate:
         size, outs, losses = self.settings.minibatch, [], []
         for sets in sides:
             draws = {f"{kind}_observation": rows[self._draw(len(rows))] for kind, rows in sets.items()}
+            if self.settings.penalty == "one_between":
+                draws["between"] = torch.rand((size, 1), generator=self.generator, device=self.device)
             out = self.loss(TensorDict(draws, [size]))
             losses.append(torch.stack([value for key, value in out.items() if key.startswith("loss_")]).sum())
             outs.append(dict(out.items()))
