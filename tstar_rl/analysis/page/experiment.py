@@ -130,7 +130,7 @@ def comparison_table(experiment: Experiment, paper: Paper, entry: Entry, task: s
         half = NOTHING if math.isnan(row.t_half) else f"+- {row.t_half:.3f}"
         line = [f"{arm_label(paper, row.first)} minus {arm_label(paper, row.second)}", str(row.seeds)]
         line += [signed_interval(row.difference, row.low, row.high), half]
-        line.append(interval(*better) if row.seeds >= FEW else f"{row.improvement:.3f}")
+        line.append(interval(*better) if int(row.seeds) >= FEW else f"{row.improvement:.3f}")
         line.insert(2, str(row.won))
         ours = [_p_value(corrected.get((row.first, row.second)))] if corrected else []
         lines.append([*line, *ours, str(row.verdict)])
