@@ -33,6 +33,7 @@ QUOTED = [
     "tstar_costliest - buffer_costliest", "tstar - buffer_bonus", "tstar - buffer",
     "feasibility_costliest - buffer_costliest", "buffer_costliest - buffer", "in_order_cloned - tstar",
     "input_floor: floored - no_finetuning", "input_floor: tstar - no_finetuning", "input_floor: floored - tstar",
+    "input_floor: tstar - gaussian",
     "buffer_costliest - buffer", "tstar_costliest - tstar", "in_order_demonstrated - in_order",
     "wider_starts_costliest - tstar", "wider_starts_costliest - gaussian", "wider_starts_costliest - buffer_costliest",
     "in_order_cloned - gaussian", "no_finetuning_jittered - no_finetuning", "gaussian - no_finetuning_jittered",
