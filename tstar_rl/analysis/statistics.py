@@ -30,6 +30,7 @@ __all__ = [
     "profile_band",
     "resampled_means",
     "seed_means",
+    "student_half",
 ]
 
 Array = NDArray[np.floating]
@@ -148,13 +149,20 @@ def paired_difference(
     differences, number = seed_means(pair[0]) - seed_means(pair[1]), len(both)
     chosen = rng.integers(number, size=(resamples, number))
     draws = (resampled_means(pair[0], chosen, rng) - resampled_means(pair[1], chosen, rng)).mean(-1)
-    half, p_value, mean = math.nan, math.nan, float(differences.mean())
+    half, p_value, mean = student_half(differences), math.nan, float(differences.mean())
     if number > 1:
         error = float(differences.std(ddof=1)) / math.sqrt(number)
-        half = float(student.ppf(0.975, number - 1)) * error
         far = abs(mean) / error if error else math.inf if mean else 0.0
         p_value = float(2 * student.sf(far, number - 1))
     return Difference(mean, *interval_ends(draws), half, p_value, number)
+
+
+def student_half(values: Array) -> float:
+    """Half of Student's 95% interval of a mean over seeds; nan of one seed. Source: Student 1908."""
+    number = len(values)
+    if number < 2:
+        return math.nan
+    return float(student.ppf(0.975, number - 1)) * (float(values.std(ddof=1)) / math.sqrt(number))
 
 
 def holm(p_values: ArrayLike) -> Array:

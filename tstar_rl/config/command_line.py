@@ -147,9 +147,16 @@ def _check_groups(configs: Path) -> None:
     for text in sys.argv[1:]:
         group, given, option = text.partition("=")
         if given and option.strip() in ("", "null") and group and (configs / group).is_dir():
-            valid = ", ".join(sorted(path.stem for path in (configs / group).glob("*.yaml")))
-            got = "nothing" if not option.strip() else option
-            raise SystemExit(f"{group} must be one of {valid} (files of configs/{group}), got {got}\n{HINT}")
+            said = _must_be(group, _options(configs, group))
+            raise SystemExit(f"{said}, got {option.strip() or 'nothing'}\n{HINT}")
+
+
+def _options(configs: Path, group: str) -> list[str]:
+    return sorted(path.stem for path in (configs / group).glob("*.yaml"))
+
+
+def _must_be(group: str, options: list[str]) -> str:
+    return f"{group} must be one of {', '.join(options)} (files of configs/{group})"
 
 
 def _missing_file(missing: Path, configs: Path, name: str) -> str:
@@ -157,7 +164,7 @@ def _missing_file(missing: Path, configs: Path, name: str) -> str:
     group, option = missing.parent.as_posix(), missing.name.removesuffix(".yaml")
     if missing == Path("recipe", name):
         return f"the recipe {name} needs a file of its values, {configs / missing}.yaml, which is not there"
-    valid = sorted(path.stem for path in (configs / group).glob("*.yaml"))
+    valid = _options(configs, group)
     if not valid:
         groups = sorted(path.name for path in configs.iterdir() if path.is_dir())
         return f"there is no {missing} in {configs}; its folders are {', '.join(groups)}"
@@ -166,8 +173,7 @@ def _missing_file(missing: Path, configs: Path, name: str) -> str:
     if f"/{group}: ${{scale}}" in chosen and not given:
         has = f"{group}={option} has no file in configs/{group}, where the recipe {name} looks for the scale's name"
         return f"{has}; scales with one are {', '.join(valid)}; or choose one beside your scale: {group}={valid[0]}"
-    there = f"{', '.join(valid)} (files of configs/{group})"
-    return f"{group}={option}: {group} must be one of {there}{did_you_mean(option, valid)}"
+    return f"{group}={option}: {_must_be(group, valid)}{did_you_mean(option, valid)}"
 
 
 def _unknown_key(key: str, configs: Path, name: str, check: Check) -> str:

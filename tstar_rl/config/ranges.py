@@ -9,11 +9,10 @@ from omegaconf import DictConfig
 from tstar_rl.checks import RANGES, need_extra
 from tstar_rl.config.check import ConfigError
 from tstar_rl.demonstrations.header import KINDS, unknown_setting
+from tstar_rl.runs.run_folder import SAVED
 
 __all__ = ["chain_length", "check_machine", "check_ranges_of", "find"]
 
-SAVED = ("last", "best", "prior")
-"""Names under which a run keeps what it has trained."""
 NAMES = ("system", "skills")
 """Values that are folders of a run's place."""
 MODES = ("deterministic", "stochastic")

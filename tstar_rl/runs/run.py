@@ -21,13 +21,11 @@ from tstar_rl.runs.csv_tables import LogError, MetricsLog
 from tstar_rl.runs.files import replacing
 from tstar_rl.runs.mismatch import MACHINE_ONLY, CheckpointMismatchError, check_config
 from tstar_rl.runs.run_config import note_resumed, read_config, write_config
-from tstar_rl.runs.run_folder import run_path
+from tstar_rl.runs.run_folder import SAVED, run_path
 
 __all__ = ["Run"]
 
 LOGS = ("metrics", "terminal_states", "calibration", "timing")
-SAVED = ("last", "best", "prior")
-"""Names under which a run keeps what it has trained; "prior" is SPiRL's."""
 FOLLOWED = ("success_rate", "completed")
 """Columns of the metrics whose running means are kept."""
 WINDOW = 5

@@ -8,6 +8,7 @@ from tstar_rl.checks import InvalidValueError, did_you_mean
 
 __all__ = [
     "RECIPES",
+    "SAVED",
     "UNTRAINED",
     "Place",
     "made_by",
@@ -20,6 +21,10 @@ UNTRAINED = "no_finetuning"
 
 RECIPES = Path(__file__).resolve().parents[2] / "recipes"
 """Of a clone; where the package is installed there is no such folder."""
+
+
+SAVED = ("last", "best", "prior")
+"""Names under which a run keeps what it has trained; "prior" is SPiRL's."""
 
 
 class Place(NamedTuple):

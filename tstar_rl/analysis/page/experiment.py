@@ -17,6 +17,7 @@ from tstar_rl.analysis.page.markdown import (
     arm_label,
     arm_order,
     interval,
+    millions,
     picture,
     signed_interval,
     table,
@@ -70,7 +71,7 @@ def arms(experiment: Experiment, paper: Paper, entry: Entry, task: str) -> str:
         line.append(" ".join(f"{value:.2f}" for value in mine["progress"]))
         line.append(f"{noisy.loc[arm, 'progress']:.3f}" if arm in noisy.index else NOTHING)
         line += _gap(gaps, str(arm), entry)
-        lines.append([*line, _millions(mine["env_steps"].mean())])
+        lines.append([*line, millions(mine["env_steps"].mean())])
     header = [
         "arm",
         "seeds",
@@ -235,7 +236,3 @@ def draw_experiment(experiment: Experiment, paper: Paper, entry: Entry, figures:
             drawn = differences_figure(rows, entry.pairs, called)
             found.append(save_figure(drawn, figures / f"{entry.prefix}{task}_differences.png"))
     return found
-
-
-def _millions(steps: float) -> str:
-    return NOTHING if math.isnan(steps) else f"{steps / 1e6:.2f}M"

@@ -1,5 +1,6 @@
 """Tables and numbers as Markdown, and what systems and arms are called."""
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -13,6 +14,7 @@ __all__ = [
     "from_to",
     "interval",
     "labels",
+    "millions",
     "over_seeds",
     "picture",
     "share",
@@ -72,6 +74,11 @@ def theirs(paper: Paper, system: str, task: str) -> list[str]:
     progress, success = found.get("progress", {}).get(task), found.get("success", {}).get(task)
     shown = f"{progress[0]:.2f} +- {progress[1]:.2f}" if progress else NOTHING
     return [shown, NOTHING if success is None else f"{success:.0%}"]
+
+
+def millions(steps: float) -> str:
+    """A number of steps; nothing where it is not known."""
+    return NOTHING if math.isnan(steps) else f"{steps / 1e6:.2f}M"
 
 
 def from_to(low: int, high: int) -> str:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from tstar_rl.analysis.experiments import Experiment, TaskScores
 from tstar_rl.analysis.figures import save_figure, tasks_figure
+from tstar_rl.analysis.learned import ROUNDING
 from tstar_rl.analysis.over_tasks import (
     arms_with,
     lacking_seeds,
@@ -31,7 +32,6 @@ from tstar_rl.analysis.task_questions import answer_over_tasks, compare_over_tas
 __all__ = ["draw_over_tasks", "over_tasks", "short_over_tasks"]
 
 HEADING = "over all tasks"
-ROUNDING = 1e-9
 FIGURE = (
     "Left: every run, and below them the interquartile mean. Right: the share of runs above a progress. "
     "The axes of progress are stretched towards 1."

@@ -2,12 +2,11 @@
 
 import math
 
-import numpy as np
 import pandas as pd
-from scipy.stats import t as student
 
-from tstar_rl.analysis.page.markdown import NOTHING, Paper, interval, labels, table, theirs
+from tstar_rl.analysis.page.markdown import NOTHING, Paper, interval, labels, millions, table, theirs
 from tstar_rl.analysis.page.sections import pick
+from tstar_rl.analysis.statistics import student_half
 from tstar_rl.analysis.tables import whole_task
 from tstar_rl.intervals import wilson_interval
 
@@ -32,7 +31,7 @@ def single_policies(evaluations: pd.DataFrame, paper: Paper, task: str) -> str:
         progress.append([label, known, _of_seeds(last, "progress"), _mean(last["progress"])])
         sampled, best = pick(whole, system, "last", "stochastic"), pick(whole, system, "best")
         line = [label, _of_seeds(last, "success"), _mean(sampled["progress"]), _mean(best["progress"])]
-        more.append([*line, _millions(last["env_steps"].mean())])
+        more.append([*line, millions(last["env_steps"].mean())])
     if not progress:
         return ""
     first = table(["policy", "paper", "each seed [95%]", "mean +- 95%, Student's t"], progress)
@@ -58,12 +57,5 @@ def _mean(values: pd.Series) -> str:
     """Mean over seeds with half of Student's 95% interval; the value alone of one seed."""
     if values.empty:
         return NOTHING
-    mean, number = float(values.mean()), len(values)
-    if number == 1:
-        return f"{mean:.3f}"
-    half = float(student.ppf(0.975, number - 1) * np.std(values, ddof=1) / math.sqrt(number))
-    return f"{mean:.3f} +- {half:.3f}"
-
-
-def _millions(steps: float) -> str:
-    return f"{steps / 1e6:.2f}M" if steps else "none"
+    half = student_half(values.to_numpy())
+    return f"{values.mean():.3f}" + ("" if math.isnan(half) else f" +- {half:.3f}")

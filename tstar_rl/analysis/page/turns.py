@@ -7,7 +7,7 @@ import pandas as pd
 
 from tstar_rl.analysis.experiments import Experiment
 from tstar_rl.analysis.figures import rise_figure, save_figure
-from tstar_rl.analysis.page.markdown import NOTHING, Paper, arm_label, arm_order, picture, table
+from tstar_rl.analysis.page.markdown import NOTHING, Paper, arm_label, arm_order, millions, picture, table
 from tstar_rl.analysis.turns import turn_table
 
 __all__ = ["draw_turns", "turns"]
@@ -31,8 +31,8 @@ def turns(metrics: pd.DataFrame, paper: Paper, task: str, prefix: str) -> str:
     for arm in arm_order(paper, found.index):
         row = found.loc[arm]
         numbers = [f"{row['trial_progress']:.3f}", _share(row["kept"]), _share(row["auc"])]
-        steps = NOTHING if math.isnan(row["trial_steps"]) else f"{row['trial_steps'] / 1e6:.2f}M"
-        rows.append([arm_label(paper, arm), f"{row['seeds']:.0f}", f"{row['turns']:.0f}", *numbers, steps])
+        line = [arm_label(paper, arm), f"{row['seeds']:.0f}", f"{row['turns']:.0f}", *numbers]
+        rows.append([*line, millions(row["trial_steps"])])
     header = [
         "arm",
         "seeds",
