@@ -9,6 +9,7 @@ goes on from its last checkpoint. With launch=ray the steps run wherever a clust
 import time
 from pathlib import Path
 
+from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
 from tstar_rl.config.load import recipe
@@ -58,22 +59,23 @@ def main(config: DictConfig) -> None:
     minutes = (time.perf_counter() - began) / 60
     print(f"all of it took {minutes:.1f} minutes")
     if from_nothing:
-        _note_minutes(config, len(seeds), minutes)
+        _note_minutes(config, HydraConfig.get().runtime.choices["scale"], len(seeds), minutes)
 
 
 def _seed(step: Step) -> int:
     return next(int(value.removeprefix("seed=")) for value in step if value.startswith("seed="))
 
 
-def _note_minutes(config: DictConfig, seeds: int, minutes: float) -> None:
+def _note_minutes(config: DictConfig, scale: str, seeds: int, minutes: float) -> None:
     """Writes what all of it took from nothing into <results_dir>/assemble.csv, which the bench reads."""
     row = {
         "task": config.task.name,
+        "scale": scale,
         "seeds": seeds,
         "processes": config.processes,
         "minutes": round(minutes, 2),
     }
-    append_rows(Path(config.results_dir) / "assemble.csv", [row], ("task", "seeds", "processes"))
+    append_rows(Path(config.results_dir) / "assemble.csv", [row], ("task", "scale", "seeds", "processes"))
 
 
 def _chains(seed: str) -> list[list[Step]]:

@@ -40,6 +40,7 @@ from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 from tqdm import tqdm
 
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.build import environment
 from tstar_rl.config.load import recipe
 from tstar_rl.launch.side_by_side import run_recipe
@@ -79,7 +80,7 @@ class BenchSection:
         valid = (*MEASURES, GPU)
         unknown = [name for name in self.measures if name not in valid]
         if unknown:
-            raise ValueError(f"bench.measures has {unknown[0]!r}; valid are {', '.join(valid)}")
+            raise InvalidValueError(f"bench.measures has {unknown[0]!r}; valid are {', '.join(valid)}")
 
 
 @recipe("bench", bench=BenchSection)
@@ -95,7 +96,8 @@ def main(config: DictConfig) -> None:
                 rates.setdefault(measure, []).append(rate)
     path = Path(config.results_dir) / "bench.csv"
     waits = start_rows(given) if config.bench.starts else ()
-    write([*rows_of(rates), *waits, *assemble_row(config, given)], path)
+    scale = HydraConfig.get().runtime.choices["scale"]
+    write([*rows_of(rates), *waits, *assemble_row(config, scale, given)], path)
     for row in on_a_gpu(HydraConfig.get().overrides.task) if GPU in config.bench.measures else ():
         print(row)
         append_rows(path, [row], ("measure",))  # at once: the largest number may not fit
@@ -199,7 +201,7 @@ def rows_of(rates: dict[str, list[float]]) -> Iterator[dict[str, Any]]:
         yield row | {"measure": f"{name}_rate"}
 
 
-def assemble_row(config: DictConfig, given: Sequence[str]) -> Iterator[dict[str, Any]]:
+def assemble_row(config: DictConfig, scale: str, given: Sequence[str]) -> Iterator[dict[str, Any]]:
     """The minutes of all of assemble.py from nothing: measured with bench.assemble=true, else those noted last."""
     with tempfile.TemporaryDirectory() as folder:
         results = config.results_dir
@@ -208,10 +210,10 @@ def assemble_row(config: DictConfig, given: Sequence[str]) -> Iterator[dict[str,
             places = [f"{name}_dir={folder}/{name}" for name in ("runs", "demonstrations")]
             run_recipe(("assemble", *given, *places, f"results_dir={results}", "progress_bar=false"))
         file = Path(results) / "assemble.csv"
-        known = (
-            pd.read_csv(file) if file.is_file() else pd.DataFrame({"task": [], "seeds": [], "minutes": []})
-        )
-    known = known[(known["task"] == config.task.name) & (known["seeds"] == 1)]
+        known = pd.read_csv(file) if file.is_file() else pd.DataFrame()
+    known = known.reindex(columns=["task", "scale", "seeds", "minutes"])  # older files have no scale
+    of_one = (known["task"] == config.task.name) & (known["scale"] == scale) & (known["seeds"] == 1)
+    known = known[of_one]
     if known.empty:
         print("No time of assemble.py: assemble_minutes is left out (bench.assemble=true measures it).")
     else:

@@ -9,6 +9,7 @@ import pandas as pd
 from omegaconf import DictConfig
 
 from tstar_rl.analysis import evaluation_table, learning_curves, read_evaluations, read_metrics, save_figure
+from tstar_rl.checks import MissingFileError
 from tstar_rl.config.load import recipe
 
 
@@ -18,7 +19,7 @@ def main(config: DictConfig) -> None:
     task = config.task.name
     metrics, evaluations = (_of(task, read(config.results_dir)) for read in (read_metrics, read_evaluations))
     if metrics.empty:
-        raise FileNotFoundError(f"no metrics.csv below {config.results_dir}/{task}: train something first")
+        raise MissingFileError(f"no metrics.csv below {config.results_dir}/{task}: train something first")
     for name, rows in metrics.groupby("recipe"):
         try:
             figure = learning_curves(rows)

@@ -11,6 +11,7 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from tstar_rl.analysis import add_plane, read_terminal_states, save_figure, spread, terminal_state_plane
+from tstar_rl.checks import MissingFileError
 from tstar_rl.config.load import recipe
 
 
@@ -20,9 +21,9 @@ def main(config: DictConfig) -> None:
     table = read_terminal_states(config.results_dir, config.task.name, config.systems)
     if table.empty:
         place = f"{config.results_dir}/{config.task.name}"
-        raise FileNotFoundError(
+        raise MissingFileError(
             f"no terminal_states.csv of {', '.join(config.systems)} below {place}: "
-            "a chain logs chain.logged_states of the skill chain.logged_skill"
+            "train them first (recipes/tstar.py, recipes/policy_sequencing.py), with chain.logged_states above 0"
         )
     table, shares = add_plane(table)
     place = Path(config.results_dir) / config.task.name

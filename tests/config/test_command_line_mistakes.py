@@ -132,7 +132,8 @@ MISTAKES = [
     # something that is not there
     ("plot", ["task=table_lack"], "no metrics.csv below results/table_lack: train something first"),
     ("ship", [], "no chain at runs/table_lack/tstar/seed0/last: train it first"),
-    ("gail_ppo", ["subtask=0"], "no demonstrations at demonstrations/.*recipes/make_demonstrations.py writes them"),
+    ("gail_ppo", ["subtask=0"], "no demonstrations at demonstrations/.*make_demonstrations.py .* subtask=0 seed=0 "),
+    ("bc", ["scale=whole"], "no demonstrations at .*: make them first .*task=table_lack whole=true seed=0 kinds="),
     ("tstar", [], "no checkpoint at runs/.*train it first .*recipes/gail_ppo.py task=table_lack subtask=0 seed=0"),
     ("evaluate", ["system=tstar"], "no skill and no chain at runs/table_lack/tstar/seed0/last or .*/best: train it"),
 ]  # fmt: skip

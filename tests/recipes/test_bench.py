@@ -83,18 +83,27 @@ def test_what_a_user_waits_for():
     assert 0 < max(answer, mistake) < rollout / 2, "an answer waits for TorchRL"
 
 
-def test_the_minutes_of_the_pipeline_are_those_of_one_seed_of_the_task(tmp_path):
+def test_the_minutes_of_the_pipeline_are_those_of_one_seed_of_the_task_and_scale(tmp_path):
     from assemble import _note_minutes
     from bench import assemble_row
 
     values = [f"results_dir={tmp_path}"]
     with initialize_config_dir(str(CONFIGS), version_base="1.3"):
         config, pipeline = (compose(f"recipe/{name}", values) for name in ("bench", "assemble"))
-    assert list(assemble_row(config, [])) == []
-    for seeds, minutes in ((1, 30.0), (1, 21.456), (3, 60.0)):
-        _note_minutes(pipeline, seeds, minutes)
-    assert len(pd.read_csv(tmp_path / "assemble.csv")) == 2  # the second run of one seed stands for the first
-    (row,) = assemble_row(config, [])
+    assert list(assemble_row(config, "laptop", [])) == []
+    older = pd.DataFrame([{"task": "table_lack", "seeds": 1, "processes": 2, "minutes": 99.0}])
+    older.to_csv(tmp_path / "assemble.csv", index=False)  # of a version that noted no scale
+    assert list(assemble_row(config, "laptop", [])) == []
+    for run in (("laptop", 1, 30.0), ("laptop", 1, 21.456), ("laptop", 3, 60.0), ("quick", 1, 1.0)):
+        _note_minutes(pipeline, *run)
+    table = pd.read_csv(tmp_path / "assemble.csv")
+    assert table["minutes"].tolist() == [
+        99.0,
+        21.46,
+        60.0,
+        1.0,
+    ]  # the second run of one seed stands for the first
+    (row,) = assemble_row(config, "laptop", [])
     assert row == {"measure": "assemble_minutes", "value": 21.46, "unit": "minutes"}
 
 

@@ -65,7 +65,7 @@ def test_an_episode_that_differs_is_told(call, tmp_path, monkeypatch, capsys):
         (
             "export",
             ["subtask=0"],
-            "no demonstrations at demonstrations/.*recipes/make_demonstrations.py writes them",
+            "no demonstrations at demonstrations/.*make them first .*make_demonstrations.py task=",
         ),
         ("export", ["formats=[hdf6]"], "formats must be of hdf5, minari; got 'hdf6'"),
         ("export", ["mode=best"], "mode must be one of deterministic, stochastic; got 'best'"),

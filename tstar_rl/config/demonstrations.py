@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from omegaconf import DictConfig
 
-from tstar_rl.checks import InvalidValueError
+from tstar_rl.checks import InvalidValueError, MissingFileError
 from tstar_rl.config.values import plain
 from tstar_rl.demonstrations.file_check import read_made
 from tstar_rl.demonstrations.header import KINDS, DemonstrationError, unknown_setting
@@ -65,6 +65,8 @@ def load_demonstrations(config: DictConfig, subtask: int | None) -> "Demonstrati
     given = config.demonstrations.get("file")
     if given is None:
         path = demonstrations_path(config, subtask, config.demonstrations.kind)
+        if not path.is_file():
+            raise MissingFileError(f"no demonstrations at {path}: {_made_by(config, subtask)}")
         found = Demonstrations.load(path, config.task.name, subtask)
         hint = "give the same, or delete it to make it again"
         made = _otherwise_made(config, config.demonstrations.kind, found.kind, len(found), found.noise)
@@ -76,6 +78,17 @@ def load_demonstrations(config: DictConfig, subtask: int | None) -> "Demonstrati
     if wrong := [*_other_settings(config, found.arguments), *made]:
         raise DemonstrationError(f"{path}: {'; '.join(wrong)}; {hint}")
     return found.to(config.device)
+
+
+def _made_by(config: DictConfig, subtask: int | None) -> str:
+    """What a message says of demonstrations that are not there: the command that makes them."""
+    part = "whole=true" if subtask is None else f"subtask={subtask}"
+    seed = config.seed if config.demonstrations.seed is None else config.demonstrations.seed
+    values = f"task={config.task.name} {part} seed={seed} kinds=[{config.demonstrations.kind}]"
+    return (
+        f"make them first (python recipes/make_demonstrations.py {values}, "
+        "with the scale and the folders given here)"
+    )
 
 
 def check_made(config: DictConfig, subtask: int | None, kind: str) -> None:

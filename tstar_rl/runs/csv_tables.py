@@ -93,9 +93,9 @@ def append_rows(path: str | Path, rows: list[dict[str, Any]], key: tuple[str, ..
 def _have_key_of(old: pd.DataFrame, new: pd.DataFrame, key: tuple[str, ...]) -> NDArray[np.bool_]:
     """(rows of old,) which of them have the key of a new row, once both are read from one file.
 
-    There 0 beside "whole" is "0", and 1 beside 0.5 is 1.0.
+    There 0 beside "whole" is "0", and 1 beside 0.5 is 1.0. Where an older file lacks a column of the key, it has none.
     """
-    text = pd.concat([old[list(key)], new[list(key)]]).to_csv(index=False)
+    text = pd.concat([old.reindex(columns=list(key)), new[list(key)]]).to_csv(index=False)
     both = pd.MultiIndex.from_frame(pd.read_csv(StringIO(text)))
     return both[: len(old)].isin(both[len(old) :])
 
