@@ -66,7 +66,7 @@ def test_the_observation_adds_up():
         (r"\[-3, 3\] degrees in yaw \(`part_noise_degrees`\)", TaskSettings.part_noise_degrees == 3),
         (r"up to 12 mm in each direction \(`jitter`\)", TaskSettings.jitter == 0.012),
         (r"up to 5 degrees about a random axis \(`jitter_degrees`\)", TaskSettings.jitter_degrees == 5),
-        (r"1 cm above where they rest \(`drop_height`\)", TaskSettings.drop_height == 0.01),
+        (r"1 cm above where they were put \(`drop_height`\)", TaskSettings.drop_height == 0.01),
         (r"30 physics steps, 0.3 s \(`settle_steps`\)", TaskSettings.settle_steps == 30),
         (r"\[-1e-3, 1e-3\] rad \(`arm_noise`\)", TaskSettings.arm_noise == 1e-3),
         (r"200 control steps for one subtask, 200 K for the whole task \(`max_steps`\)", TaskSettings.max_steps == 200),

@@ -130,7 +130,8 @@ def latent_reconstruction_loss(decoded: Tensor, actions: Tensor) -> Tensor:
         decoded: (..., H, A), actions: (..., H, A).
 
     Returns:
-        A scalar, the mean over all elements. The code released with SPiRL also takes the mean, so its beta fits.
+        A scalar, the mean over all elements, as in the code released with SPiRL. That code takes the mean over the
+        latent's dimensions too, of what `latent_regularisation_loss` sums: its beta is Z times the one here.
 
     Source: SPiRL, eq. 1, first term.
     """

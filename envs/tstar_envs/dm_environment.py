@@ -118,6 +118,14 @@ class DmEnvironment(control.Environment):
         super().__init__(physics, task, n_sub_steps=SUBSTEPS)
         self.world = task.world
 
+    def reset(self) -> dm_env.TimeStep:
+        """Starts an episode; where none can begin, the next step tries again, as after an end."""
+        try:
+            return super().reset()
+        except BaseException:
+            self._reset_next_step = True
+            raise
+
     def reset_to(self, snapshot: TensorDict) -> dm_env.TimeStep:
         """Starts a new episode from a snapshot of batch [1], at the beginning of the subtask that it is at."""
         self.world.reset_to(snapshot)
@@ -157,7 +165,7 @@ def _again(arguments: dict[str, Any], state: dict[str, Any]) -> DmEnvironment:
     task, subtask = arguments.pop("task"), arguments.pop("subtask")
     env = make(task, subtask, None, arguments)
     if state["random"] is not None:
-        env.task._random = state["random"]
+        env.task._random_state = state["random"]
     env.world.generator.set_state(state["generator"])
     env.world.restore(state["snapshot"])
     env.world.failures = state["failures"]

@@ -102,7 +102,10 @@ class BatchedEnvironment:
 
     @property
     def arguments(self) -> dict[str, Any]:
-        """Plain values that build this environment again, less the seed and the number of simulations."""
+        """Plain values that build this environment again, less the seed and the number of simulations.
+
+        Of furniture that was built in Python, or read from a file elsewhere, they have the name alone.
+        """
         return {"task": self.name, "subtask": self.subtask, **dataclasses.asdict(self.settings)}
 
     def seed(self, seed: int | None) -> int:
@@ -124,9 +127,11 @@ class BatchedEnvironment:
 
         Raises:
             ValueError: `mask` is of another shape or type.
+            StartError: no episode can begin in some of them; all of `mask` then wait for another reset.
         """
         failures = self.task.starts.failures
         mask = self._read(mask)
+        self._begun.remove(mask)
         self.task.initialize_episode(self.state, mask)
         self.failures += self.task.starts.failures - failures
         self._begun.add(mask)

@@ -95,6 +95,7 @@ class GymnasiumEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         """
         snapshot = read_options(self.world, options, ("snapshot",)).get("snapshot")
         super().reset(seed=seed)
+        self._playing = False  # where no episode can begin, there is none to step
         begin(self.world, seed, snapshot)
         self._playing = True
         return self._observe()

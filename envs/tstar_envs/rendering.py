@@ -1,7 +1,8 @@
 """Pictures without a screen: any simulation state to an image, images to PNG or mp4.
 
-EGL or OSMesa is taken, whichever works here; `MUJOCO_GL=egl` or `MUJOCO_GL=osmesa` decides it instead. Where
-neither works, one sentence says so once, and everything that would have been drawn is None.
+EGL or OSMesa is taken, whichever works here; `MUJOCO_GL=egl` or `MUJOCO_GL=osmesa` decides it instead, and with
+`MUJOCO_GL=off` nothing is drawn. Other values, which ask for a window, are not heeded. Where nothing can be drawn, one
+sentence says so once, and everything that would have been drawn is None.
 
     renderer = make_renderer(model)
     if renderer is not None:
@@ -10,6 +11,7 @@ neither works, one sentence says so once, and everything that would have been dr
 
 from __future__ import annotations
 
+import atexit
 import errno
 import functools
 import importlib
@@ -19,6 +21,7 @@ import shutil
 import subprocess
 import sys
 import warnings
+import weakref
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
@@ -28,6 +31,8 @@ import mujoco
 import numpy as np
 
 BACKENDS = ("egl", "osmesa")
+OFF = ("off", "disable", "disabled", "false", "0")
+"""Values of MUJOCO_GL that MuJoCo reads as no graphics."""
 CAMERA = "workplace"
 A_FILM = 2_000_000
 """Bytes; a film has half of it at most."""
@@ -38,6 +43,7 @@ NOTICE = (
 ASKED = (
     "Nothing is drawn: MUJOCO_GL asks for {}, which does not work here, and so the other one is not tried."
 )
+UNWANTED = "Nothing is drawn: MUJOCO_GL={} says so."
 _PROBE = """
 import importlib, sys, mujoco
 context = importlib.import_module("mujoco." + sys.argv[1]).GLContext(16, 16)
@@ -51,6 +57,9 @@ context.free()
 def backend() -> str | None:
     """Returns the first of EGL and OSMesa that works, tried in its own process; None, and a warning, if none does."""
     wanted = os.environ.get("MUJOCO_GL", "").lower() or os.environ.get("PYOPENGL_PLATFORM", "").lower()
+    if wanted in OFF:
+        warnings.warn(UNWANTED.format(wanted), stacklevel=2)
+        return None
     decided = wanted in BACKENDS
     for name in (wanted,) if decided else BACKENDS:
         environment = {**os.environ, "MUJOCO_GL": name, "PYOPENGL_PLATFORM": name}
@@ -85,6 +94,9 @@ class Renderer:
             self._renderer = mujoco.Renderer(model, height, width)
         # MuJoCo centres the floor on the camera of the frame before: without one the first image would differ.
         self._renderer.update_scene(self._data, camera)
+        self._close = weakref.finalize(self, _close, self._renderer)
+        self._close.atexit = False  # that would be after MuJoCo has ended the display
+        atexit.register(self._close)
 
     def draw(self, qpos: np.ndarray) -> np.ndarray:
         """Image (height, width, 3) uint8 of the joint positions `qpos` (nq,): a row of a batch, array or CPU tensor."""
@@ -100,9 +112,14 @@ class Renderer:
         return self._renderer.render()
 
     def close(self) -> None:
-        """Gives back the graphics context; other renderers go on."""
-        self._renderer.render()  # makes this context current: MuJoCo deletes the objects of the one that is
-        self._renderer.close()
+        """Gives back the graphics context, as the end of Python does at the latest; other renderers go on."""
+        atexit.unregister(self._close)
+        self._close()
+
+
+def _close(renderer: mujoco.Renderer) -> None:
+    renderer.render()  # makes this context current: MuJoCo deletes the objects of the one that is
+    renderer.close()
 
 
 @contextmanager

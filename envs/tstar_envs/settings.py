@@ -19,13 +19,16 @@ MOST = {
     "jitter_degrees": 45.0,
 }
 """The largest value of a setting of the start."""
+MOST_STEPS = {"settle_steps": 100_000, "retreat_steps": 10_000}
+"""Of settings that count steps; beyond that a number is a slip, and an episode takes minutes to begin or to go on."""
 
 
 @dataclasses.dataclass(frozen=True)
 class TaskSettings:
     """Settings of an assembly task. Source: docs/task.md unless a line says otherwise.
 
-    Lengths in m, angles in degrees where the name says so. Settings of the start have an upper bound, `MOST`.
+    Lengths in m, angles in degrees where the name says so. NumPy's numbers become Python's.
+    Settings of the start have an upper bound, `MOST`, and so have some that count steps, `MOST_STEPS`.
     """
 
     velocity_scale: float = 1.0
@@ -37,7 +40,7 @@ class TaskSettings:
     part_noise_degrees: float = 3.0
     """Start noise of every part's yaw, uniform."""
     drop_height: float = 0.01
-    """Parts start this far above their resting height and settle."""
+    """Parts start this far above where they are laid out, and settle."""
     settle_steps: int = 30
     """Physics steps that the parts are given to settle."""
     arm_noise: float = 1e-3
@@ -66,7 +69,10 @@ class TaskSettings:
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
-            _check_type(field.name, getattr(self, field.name), type(field.default))
+            value, kind = getattr(self, field.name), type(field.default)
+            _check_type(field.name, value, kind)
+            if not isinstance(value, (int, float, str)):
+                object.__setattr__(self, field.name, kind(value))
         _check_choice("gripper", self.gripper, ("sign", "continuous"))
         _check_choice("preassembled", self.preassembled, ("ideal", "jitter"))
         _check_choice("skipped_phases", self.skipped_phases, ("paid", "unpaid"))
@@ -75,7 +81,7 @@ class TaskSettings:
         for name in (*MOST, "retreat_steps"):
             if (value := getattr(self, name)) < 0:
                 raise ValueError(f"setting {name} must not be negative, got {short(value)}")
-        for name, most in MOST.items():
+        for name, most in (MOST | MOST_STEPS).items():
             if (value := getattr(self, name)) > most:
                 raise ValueError(f"setting {name} must be from 0 to {most:g}, got {short(value)}")
         if self.retreat_steps and self.reset_robot:
@@ -89,6 +95,8 @@ class TaskSettings:
     @classmethod
     def from_mapping(cls, values: Mapping[str, Any]) -> TaskSettings:
         """Builds settings from plain values; an unknown name raises with the nearest valid one."""
+        if not isinstance(values, Mapping):
+            raise ValueError(f"settings are a mapping of names to values, got {values!r}")
         for name in values:
             if told := cls._unknown(name):
                 raise ValueError(f"unknown task setting {told}")

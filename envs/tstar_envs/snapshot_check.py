@@ -84,7 +84,7 @@ class SnapshotCheck:
         """Checks the numbers in the rows of `mask` (N,); the snapshot's layout is right and it is on the device.
 
         Raises:
-            ValueError: a subtask or a phase is none of this furniture's, or a number is not finite.
+            ValueError: a subtask or phase is none of this furniture's, a count is negative, or a number is not finite.
         """
         steps = self.tables.num_steps
         for name, most in (("subtask", steps), ("phase", len(PHASES) - 1)):
@@ -94,6 +94,13 @@ class SnapshotCheck:
                 end = f" ({steps}: all steps are made)" if name == "subtask" else ""
                 raise ValueError(
                     f"'task.{name}' of a snapshot of {self.name} is in 0..{most}{end}, got {value[row].item()} in "
+                    f"simulation {row}"
+                )
+        for name in ("episode_step", "completed"):
+            if bool((wrong := mask & ((value := snapshot["task", name]) < 0)).any()):
+                row = wrong.nonzero()[0].item()
+                raise ValueError(
+                    f"'task.{name}' of a snapshot of {self.name} is a count, got {value[row].item()} in "
                     f"simulation {row}"
                 )
         for key in self._kinds:

@@ -15,6 +15,7 @@ from gymnasium.vector import AutoresetMode
 
 from tstar_envs.gymnasium_shared import INFO, METADATA
 from tstar_envs.gymnasium_vector_env import GymnasiumVectorEnv
+from tstar_envs.rendering import backend
 from tstar_envs.settings import TaskSettings
 
 try:
@@ -132,6 +133,10 @@ class StableBaselinesEnv(VecEnv):
     def get_images(self) -> Sequence[np.ndarray | None]:
         """Images (height, width, 3) uint8, which `render` lays side by side."""
         return self.envs.render() or [None] * self.num_envs
+
+    def render(self, mode: str | None = None) -> np.ndarray | None:
+        """All images in one; None where nothing can be drawn, after one warning."""
+        return super().render(mode) if backend() else None
 
     def close(self) -> None:
         self.envs.close()

@@ -35,6 +35,7 @@ def env():
         ({"nthread": -1}, r"nthread \(0: all cores\) must be a whole number from 0, got -1"),
         ({"skipped_phases": "half"}, "skipped_phases must be one of paid, unpaid; got 'half'"),
         ({"device": "mps"}, "device 'cpu' or 'cuda', got 'mps'"),
+        ({"device": None}, "device 'cpu' or 'cuda', got 'None'"),
         ({"device": "cuda", "physics": "mujoco"}, "physics 'mujoco' runs on device 'cpu'"),
         ({"device": "gpu"}, "simulations run on device .cpu. or .cuda., got .gpu."),
         ({"physics": "isaac"}, "physics must be one of mujoco, warp or None, got 'isaac'"),

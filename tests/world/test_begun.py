@@ -1,5 +1,6 @@
 """Simulations in which no episode was begun are not stepped; masks and subtasks are checked as they are given."""
 
+import gymnasium
 import numpy as np
 import pytest
 import torch
@@ -7,6 +8,8 @@ import torch
 import tstar_envs
 from tstar_envs.environment import BatchedEnvironment
 from tstar_envs.furniture import FurnitureError, library
+from tstar_envs.gymnasium_env import GymnasiumEnv
+from tstar_envs.tasks.episode_start import StartError
 
 REST = torch.zeros(2, 9)
 
@@ -30,6 +33,48 @@ def test_a_step_before_a_reset_is_refused():
     other.step(REST, torch.tensor([True, False]))
     with pytest.raises(ValueError, match="begun in simulation 1"):
         other.step(REST)
+
+
+def unsettled(world, monkeypatch):
+    """From now on no start of the world settles."""
+    monkeypatch.setattr(world.physics, "settle", lambda mask, steps: mask.clone())
+
+
+def test_where_a_reset_fails_there_is_no_episode_to_step(monkeypatch):
+    world = tstar_envs.load("table_lack", 2, 0, 1, 0)
+    world.reset()
+    with monkeypatch.context() as patch, pytest.raises(StartError):
+        unsettled(world, patch)
+        world.reset(torch.tensor([False, True]))
+    world.step(REST, torch.tensor([True, False]))
+    with pytest.raises(ValueError, match="begun in simulation 1"):
+        world.step(REST)
+    world.reset(torch.tensor([False, True]))
+    world.step(REST)
+
+
+def test_nor_is_there_one_in_the_single_environments(monkeypatch):
+    env, dm = GymnasiumEnv("table_lack", 0), tstar_envs.load_dm("table_lack", 0, 0)
+    env.reset(seed=0)
+    for front in (env, dm):
+        with monkeypatch.context() as patch, pytest.raises(StartError):
+            unsettled(front.world, patch)
+            front.reset()
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        env.step(np.zeros(9))
+    assert dm.step(np.zeros(9)).first()  # which begins the episode that could not begin before
+    env.reset()
+    env.step(np.zeros(9))
+
+
+@pytest.mark.parametrize(
+    "action", [np.zeros((2, 9)), [[0.0] * 9] * 2, torch.zeros(2, 9, dtype=torch.complex64)]
+)
+def test_an_action_is_a_tensor_of_real_numbers(action):
+    world = tstar_envs.load("table_lack", 2, 0, 1, 0)
+    world.reset()
+    with pytest.raises(ValueError, match="an action of table_lack is a tensor of real numbers, got "):
+        world.step(action)
 
 
 @pytest.mark.parametrize(

@@ -133,6 +133,15 @@ def test_a_copy_goes_on_from_the_same_state(again):
     assert (twin.physics.data.qpos != env.physics.data.qpos).any()
 
 
+def test_a_copy_leaves_the_original_s_random_state_where_it_is():
+    env = load_dm(TASK, 1, seed=2)
+    env.task._random = np.random.RandomState(3)
+    env.reset()
+    before = env.task._random.get_state()[2]
+    twins = copy.copy(env), copy.deepcopy(env)
+    assert [each.task._random.get_state()[2] for each in (env, *twins)] == [before] * 3
+
+
 def test_what_is_written_into_the_data_is_seen_at_once():
     env = load_dm(TASK, 0, seed=2)
     env.reset()

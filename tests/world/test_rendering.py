@@ -1,5 +1,8 @@
 """Pictures of states, where this machine can draw."""
 
+import subprocess
+import sys
+
 import imageio.v3
 import numpy as np
 import pytest
@@ -107,6 +110,8 @@ def test_mistakes_are_told(model, renderer):
     [
         ("", "neither EGL nor OSMesa works here.*libosmesa6"),
         ("EGL", "MUJOCO_GL asks for egl, which does not"),
+        ("off", "MUJOCO_GL=off says so"),
+        ("Disable", "MUJOCO_GL=disable says so"),
     ],
 )
 def test_where_nothing_can_be_drawn_one_sentence_says_so(monkeypatch, model, asked, message):
@@ -120,3 +125,14 @@ def test_where_nothing_can_be_drawn_one_sentence_says_so(monkeypatch, model, ask
         assert rendering.make_renderer(model) is None
     finally:
         rendering.backend.cache_clear()
+
+
+def test_a_script_that_ends_without_closing_ends_without_a_traceback(renderer):
+    script = (
+        "import gymnasium, tstar_envs\n"
+        "env = gymnasium.make('tstar/TableLack-v0', render_mode='rgb_array', width=64, height=48)\n"
+        "env.reset(seed=0)\n"
+        "assert env.render().any()\n"
+    )
+    done = subprocess.run([sys.executable, "-W", "ignore", "-c", script], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")

@@ -1,5 +1,9 @@
 """Settings of the task: what each takes, and what a wrong one is told."""
 
+import dataclasses
+import json
+
+import numpy as np
 import pytest
 import torch
 from worlds import make
@@ -29,6 +33,12 @@ from tstar_envs.snapshot_check import APART
         ({"jitter_degrees": 50.0}, "setting jitter_degrees must be from 0 to 45, got 50.0"),
         ({"part_noise": 10**400}, "setting part_noise must be finite, got 1000"),
         ({"max_steps": 10**5000}, "setting max_steps must be finite, got a very long number"),
+        ({"settle_steps": 10**6}, "setting settle_steps must be from 0 to 100000, got 1000000"),
+        (
+            {"retreat_steps": 10**6, "reset_robot": False},
+            "setting retreat_steps must be from 0 to 10000, got 1000000",
+        ),
+        (["max_steps"], r"settings are a mapping of names to values, got \['max_steps'\]"),
         ({1: 2}, "unknown task setting 1; valid settings: velocity_scale"),
         ({"preassembled": "jiter"}, "setting preassembled must be one of ideal, jitter; got 'jiter'"),
     ],
@@ -40,6 +50,12 @@ def test_a_wrong_value_is_told_what_is_right(values, message):
 
 def test_whole_numbers_may_stand_for_real_ones():
     assert TaskSettings.from_mapping({"part_noise": 0, "velocity_scale": 1}).velocity_scale == 1
+
+
+def test_numbers_of_numpy_become_plain_ones():
+    settings = TaskSettings(velocity_scale=np.float32(0.5), max_steps=np.int64(5))
+    assert json.loads(json.dumps(dataclasses.asdict(settings)))["velocity_scale"] == 0.5
+    assert settings == TaskSettings(velocity_scale=0.5, max_steps=5) and type(settings.max_steps) is int
 
 
 @pytest.mark.parametrize("digits, said", [(400, "1000"), (5000, "a very long number")])

@@ -98,6 +98,8 @@ def test_finished_pieces_are_told_apart_by_what_their_welds_join():
         (lambda s: s.set(("task", "subtask"), torch.tensor([0, -3])), r"'task\.subtask' .*got -3 in simulation 1"),
         (lambda s: s.set(("task", "subtask"), torch.tensor([5, 0])), r"'task\.subtask' .*got 5 in simulation 0"),
         (lambda s: s.set(("task", "phase"), torch.tensor([0, 12])), r"'task\.phase' .* in 0\.\.7, got 12 in"),
+        (lambda s: s.set(("task", "episode_step"), torch.tensor([0, -9])), r"'task\.episode_step' .* count, got -9 in"),
+        (lambda s: s.set(("task", "completed"), torch.tensor([-1, 0])), r"'task\.completed' .* is a count, got -1 in"),
         (lambda s: s.set("physics", torch.nan * s["physics"]), "'physics' .*is not finite in simulation 0"),
         (lambda s: s.set("physics", torch.inf + s["physics"]), "'physics' .*is not finite in simulation 0"),
         (lambda s: s.set(("task", "potential"), torch.nan * s["task", "potential"]), "'task.potential' .* not finite"),

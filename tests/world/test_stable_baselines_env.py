@@ -108,6 +108,14 @@ def test_a_recorder_knows_how_fast_control_is():
     assert env.metadata["render_fps"] == 10 and "rgb_array" in env.metadata["render_modes"]
 
 
+def test_where_nothing_can_be_drawn_there_is_no_picture(monkeypatch):
+    env = StableBaselinesEnv("table_lack", 2, render_mode="rgb_array", width=80, height=60, **SETTINGS)
+    env.reset()
+    monkeypatch.setattr("tstar_envs.stable_baselines_env.backend", lambda: None)
+    monkeypatch.setattr(env.envs, "render", lambda: None)
+    assert env.render() is None
+
+
 def test_ppo_runs_on_it_and_its_monitor_knows_episodes():
     env = VecMonitor(StableBaselinesEnv("table_lack", 2, **SETTINGS))
     model = PPO("MlpPolicy", env, n_steps=16, batch_size=32, n_epochs=1, seed=0, device="cpu")

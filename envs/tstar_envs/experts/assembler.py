@@ -24,7 +24,7 @@ from tstar_envs.tasks.task import EpisodeState
 RATE = 6.0
 """Proportional gain, 1/s: at 10 Hz a step closes 60% of an error."""
 MAX_SPEED, MAX_TURN = 0.4, 1.4
-"""Limits of the hand, m/s and rad/s: turning a held part faster loses it."""
+"""Limits of the point that is steered, m/s and rad/s: turning a held part faster loses it."""
 HOVER, APPROACH = 0.06, 0.03
 """Heights, m: the hand over the grasp point, the connector over its target before it is lowered."""
 ASIDE = 0.015

@@ -30,6 +30,7 @@ APPROACHES = ("above", "axis")
 
 def check_furniture(furniture: Furniture) -> None:
     """Raises FurnitureError for the first thing that cannot be."""
+    check_names("name", (furniture.name,))
     for what, found in (("parts", furniture.parts), ("steps", furniture.steps)):
         if not found:
             raise FurnitureError(f"{what}: got none, a piece of furniture needs at least one")
@@ -43,7 +44,10 @@ def check_furniture(furniture: Furniture) -> None:
     joined_pieces(furniture)
     for field in ("contact_impedance", "weld_impedance"):
         value = getattr(furniture, field)
-        if value is not None and not 0 < value < 1:
+        if value is None:
+            continue
+        check_number(field, value)
+        if not 0 < value < 1:
             raise FurnitureError(f"{field}: got {value:g}, expected a number between 0 and 1")
     for i, pair in enumerate(furniture.no_contact):
         _check_pair(furniture, pair, f"no_contact[{i}]")
@@ -61,7 +65,7 @@ def _check_pair(furniture: Furniture, pair: tuple[str, str], where: str) -> None
 
 def _check_part(part: Part, where: str) -> None:
     check_lengths(f"{where}.initial_pose", part.initial_pose[:3])
-    check_unit(f"{where}.initial_pose", part.initial_pose[3:])
+    check_unit(f"{where}.initial_pose", part.initial_pose[3:], size=4)
     check_number(f"{where}.density", part.density, positive=True, most=MAX_DENSITY)
     if not part.shapes:
         raise FurnitureError(f"{where}.boxes: got none, a part needs a box, a cylinder or a capsule")
@@ -72,7 +76,7 @@ def _check_part(part: Part, where: str) -> None:
     for connector in part.connectors:
         at = f"{where}.connectors.{connector.name}"
         check_lengths(f"{at}.pos", connector.pos)
-        check_unit(f"{at}.quat", connector.quat)
+        check_unit(f"{at}.quat", connector.quat, size=4)
     for i, grasp in enumerate(part.grasps):
         check_lengths(f"{where}.grasps[{i}]", grasp.point)
         check_unit(f"{where}.grasps[{i}]", grasp.axis)
@@ -85,7 +89,7 @@ def _check_shape(shape: Shape, where: str) -> None:
         check_sizes(f"{where}.radius", (shape.radius,))
         check_sizes(f"{where}.half_length", (shape.half_length,))
     check_lengths(f"{where}.pos", shape.pos)
-    check_unit(f"{where}.quat", shape.quat)
+    check_unit(f"{where}.quat", shape.quat, size=4)
 
 
 def _check_values(step: Step, where: str) -> None:
@@ -138,7 +142,7 @@ def _check_step(furniture: Furniture, step: Step, where: str) -> None:
             f"connector {moving.part}.{moving.name} allows {allowed}"
         )
     grasps = len(furniture.part(step.moving_part).grasps)
-    if not 0 <= step.grasp_index < grasps:
+    if type(step.grasp_index) is not int or not 0 <= step.grasp_index < grasps:
         raise FurnitureError(
             f"{where}.grasp: got {step.grasp_index}, part {step.moving_part!r} has {grasps} grasps"
         )

@@ -34,9 +34,8 @@ def check_number(
 
 
 def check_lengths(where: str, values: Sequence[float]) -> None:
-    """Lengths or positions in m, none of them further than `MAX_LENGTH`."""
-    for value in values:
-        check_number(where, value)
+    """Three lengths or coordinates in m, none of them further than `MAX_LENGTH`."""
+    _check_numbers(where, values, 3)
     if max(map(abs, values)) > MAX_LENGTH:
         got = short(list(values))
         raise FurnitureError(f"{where}: got {got}, expected lengths in m, none beyond {MAX_LENGTH:g}")
@@ -51,12 +50,18 @@ def check_sizes(where: str, values: Sequence[float]) -> None:
         raise FurnitureError(f"{where}: got {got}, expected sizes in m from {MIN_SIZE:g} to {MAX_LENGTH:g}")
 
 
-def check_unit(where: str, values: Sequence[float]) -> None:
-    """A unit vector (x, y, z) or a unit quaternion (w, x, y, z)."""
-    for value in values:
-        check_number(where, value)
+def check_unit(where: str, values: Sequence[float], size: int = 3) -> None:
+    """A unit vector (x, y, z), or with a size of 4 a unit quaternion (w, x, y, z)."""
+    _check_numbers(where, values, size)
     if abs((length := math.hypot(*values)) - 1) > UNIT:
         raise FurnitureError(f"{where}: got {list(values)} of length {length:.3f}, expected length 1")
+
+
+def _check_numbers(where: str, values: Sequence[float], size: int) -> None:
+    if not isinstance(values, (tuple, list)) or len(values) != size:
+        raise FurnitureError(f"{where}: got {short(values)}, expected {size} numbers")
+    for value in values:
+        check_number(where, value)
 
 
 def check_choice(where: str, value: Any, valid: tuple[str, ...]) -> None:

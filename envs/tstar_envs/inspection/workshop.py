@@ -55,7 +55,7 @@ class Workshop:
         return min(self._lowest(geom) for geom in self._geoms[part])
 
     def corners(self, parts: list[int]) -> np.ndarray:
-        """Points (n, 3) between which `parts` lie: of each shape the corners of a box about it."""
+        """Points (n, 3) between which `parts` lie: two corners for each shape, .8 of its bounding radius off."""
         geoms = [geom for part in parts for geom in self._geoms[part]]
         reach = self.model.geom_rbound[geoms, None] * 0.8
         middle = self.data.geom_xpos[geoms]

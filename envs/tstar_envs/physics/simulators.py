@@ -34,7 +34,7 @@ def make_physics(
     """
     try:
         kind = torch.device(device).type
-    except RuntimeError:  # torch's message lists all that it was ever built for
+    except (RuntimeError, TypeError):  # torch's message lists all that it was ever built for
         kind = None
     if kind not in ("cpu", "cuda"):
         raise ValueError(f"simulations run on device 'cpu' or 'cuda', got {str(device)!r}")

@@ -17,8 +17,11 @@ def read_actions(name: str, action: Tensor, num_sims: int) -> Tensor:
     """Actions (N, 9) of the task `name` in [-1, 1], float64.
 
     Raises:
-        ValueError: they have another shape, or one is NaN.
+        ValueError: they are no tensor of real numbers, have another shape, or one is NaN.
     """
+    if not isinstance(action, Tensor) or action.is_complex():
+        kind = action.dtype if isinstance(action, Tensor) else type(action).__name__
+        raise ValueError(f"an action of {name} is a tensor of real numbers, got {kind}")
     if action.shape != (num_sims, NUM_ACTIONS):
         raise ValueError(
             f"an action of {name} has shape ({num_sims}, {NUM_ACTIONS}): 7 joint velocities, gripper, "

@@ -62,10 +62,12 @@ class EpisodeStarts:
     def _make_all(self, subtask: int) -> MadeStarts:
         """Makes N starts, and leaves the simulations as they are."""
         now = self.physics.state(), self.physics.eq_data.clone()
-        self._make(torch.ones(self.physics.num_sims, dtype=torch.bool, device=self.physics.device), subtask)
-        made = MadeStarts(subtask, self.physics.state(), self.physics.eq_data.clone())
-        self.physics.set_state(*now)
-        return made
+        every = torch.ones(self.physics.num_sims, dtype=torch.bool, device=self.physics.device)
+        try:
+            self._make(every, subtask)
+            return MadeStarts(subtask, self.physics.state(), self.physics.eq_data.clone())
+        finally:
+            self.physics.set_state(*now)
 
     def _make(self, mask: Tensor, subtask: int) -> None:
         """Starts the simulations of `mask`; one that fails while its parts settle is drawn again.
@@ -87,7 +89,8 @@ class EpisodeStarts:
     def _lay_out(self, mask: Tensor, subtask: int) -> Tensor:
         """Places the parts in the simulations of `mask` and lets them settle; (N,) bool, which of these failed.
 
-        Every call draws noise for all N simulations, so a simulation's draws do not depend on the mask of others.
+        Every call draws noise for all N simulations, so which of them `mask` names changes nothing for the others. How
+        often it is called does: a start that is drawn again moves the generator for all.
         """
         poses = self._part_poses(subtask)
         poses[..., 2] += self.settings.drop_height

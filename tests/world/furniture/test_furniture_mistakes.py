@@ -193,6 +193,18 @@ def changed_part(chair, **values):
         ),
         (lambda c: changed_part(c, name=""), "parts: got '', expected a name"),
         (lambda c: replace(c, z_finedist=-1), "z_finedist: got -1, expected a positive number"),
+        (lambda c: replace(c, name=3), "name: got 3, expected a name"),
+        (lambda c: replace(c, name=""), "name: got '', expected a name"),
+        (lambda c: replace(c, weld_impedance="a"), "weld_impedance: got 'a', expected a finite number"),
+        (
+            lambda c: changed_part(c, initial_pose=(0.0, 0.0, 0.0, 1.0, 0.0, 0.0)),
+            "initial_pose: got .*, expected 4 numbers",
+        ),
+        (
+            lambda c: changed_step(c, waypoint=(0, 0)),
+            r"steps\[0\].waypoint: got \(0, 0\), expected 3 numbers",
+        ),
+        (lambda c: changed_step(c, grasp_index=0.0), r"steps\[0\].grasp: got 0.0, part 'side' has 2 grasps"),
         (
             lambda c: changed_step(c, grip_angle=(0, 0, -3)),
             r"steps\[0\].grip_angle: got \[0, 0, -3\] of length 3",

@@ -9,6 +9,7 @@ from worlds import make, part_pose, relative_poses, site_pose
 from tstar_envs import geometry
 from tstar_envs.environment import BatchedEnvironment
 from tstar_envs.robots import sawyer
+from tstar_envs.tasks import assembly
 
 IDLE = torch.tensor([0.0] * 7 + [-1.0, -1.0], dtype=torch.float64)
 
@@ -193,6 +194,28 @@ def test_a_wrong_connection_ends_the_episode():
     world.step(action)
     assert world.state["wrong"].all() and not world.state["success"].any()
     assert world.task.get_termination(world.state)[0].all()
+
+
+@pytest.mark.parametrize(("action", "share"), [(-1.0, 0.0), (0.0, 0.5), (1.0, 1.0), (0.5, 0.75)])
+def test_a_continuous_gripper_goes_as_far_as_it_is_told(action, share):
+    world = make(1, gripper="continuous")
+    told = idle(world)
+    told[:, 7] = action
+    world.step(told)
+    opened, closed = (torch.tensor(fingers) for fingers in (sawyer.FINGER_OPEN, sawyer.FINGER_CLOSED))
+    assert_close(world.physics.ctrl[0, 7:9], (opened + share * (closed - opened)).double(), atol=1e-7, rtol=0)
+
+
+@pytest.mark.parametrize("subtask", [0, None])
+def test_a_connection_that_disturbs_its_target_is_a_failure_but_for_the_last_of_an_episode(
+    subtask, monkeypatch
+):
+    world = make(1, subtask, end_on_disturbance=True)
+    monkeypatch.setattr(assembly, "moved", lambda scene: torch.ones(1, dtype=torch.float64))
+    connect_one(world)
+    terminated, truncated = world.task.get_termination(world.state)
+    assert world.state["disturbed"].all() and terminated.all() and not truncated.any()
+    assert world.state["success"].item() is (subtask == 0)
 
 
 def test_a_disturbed_target_ends_the_episode_where_asked():
