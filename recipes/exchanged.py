@@ -17,6 +17,7 @@ from tstar_rl.config.chain import load_skills
 from tstar_rl.config.load import recipe
 from tstar_rl.config.seams import chain_of, env_at_seam
 from tstar_rl.intervals import share_columns
+from tstar_rl.launch.steps import check_chain
 from tstar_rl.runs.csv_tables import append_rows
 from tstar_rl.seams.exchange import exchange_skills
 from tstar_rl.seeds import evaluation_seed
@@ -25,6 +26,7 @@ from tstar_rl.seeds import evaluation_seed
 @recipe("exchanged", checkpoint=str, from_checkpoint=str)
 def main(config: DictConfig) -> None:
     """Measures one chain, writes and prints its table."""
+    check_chain(config, config.system)
     before, after = load_skills(config, config.from_checkpoint), chain_of(config, config.system)
     make = partial(env_at_seam, config, evaluation_seed(config.seed, "exchange"))
     rows = []

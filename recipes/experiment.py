@@ -35,6 +35,8 @@ from tstar_rl.launch.time_limit import MORE, TimeIsOver, check_goes_on, deadline
 
 OWN = ("experiment", "processes", "minutes", "publish", "unpublished", "seeds", "tasks", "arms")
 
+PUBLISHED = Path("results/published")
+
 Planned = tuple[str | None, Step]
 """A step, and the commit whose code runs it; None: the code here."""
 
@@ -57,7 +59,12 @@ def main(config: DictConfig) -> None:
         check_goes_on(config.resume, "experiment.py")
     declared, end = parse_experiment(plain(config)["experiment"]), deadline(config.minutes)
     declared.check_arms(config.arms or ())
-    published = Path("results/published") / declared.name
+    published = PUBLISHED / declared.name
+    if config.unpublished and not PUBLISHED.is_dir():
+        raise InvalidValueError(
+            f"unpublished=true leaves out what lies below {PUBLISHED}, which is not there: start it in the clone's "
+            "folder"
+        )
     lanes = _lanes(config, declared, published)
     named = {commit for lane in lanes for commit, _ in lane if commit is not None}
     code = {commit: code_of_commit(commit, Path(config.runs_dir) / "code") for commit in sorted(named)}
@@ -98,8 +105,8 @@ def _lanes(config: DictConfig, declared: DeclaredExperiment, published: Path) ->
         if config.unpublished:
             left = declared.unpublished(published, task, seed)
             arms = [name for name in left if arms is None or name in arms]
-        subtasks = step_config(("gail_ppo",), shared).task.subtasks
-        steps = declared.steps_by_commit(subtasks, seed, arms)
+        place = step_config(("gail_ppo",), shared)
+        steps = declared.steps_by_commit(place.task.subtasks, seed, arms, place.demonstrations_dir)
         lanes.append([(commit, (step[0], *shared, *step[1:])) for commit, step in steps])
     return lanes
 

@@ -20,6 +20,7 @@ from tstar_rl.chaining.skill import Skill
 from tstar_rl.config.load import recipe
 from tstar_rl.config.seams import chain_of, env_at_seam
 from tstar_rl.intervals import share_columns
+from tstar_rl.launch.steps import check_chain
 from tstar_rl.rollouts.state_sets import TerminationSet
 from tstar_rl.runs.csv_tables import append_rows
 from tstar_rl.seams.exchange import run_from
@@ -29,7 +30,10 @@ from tstar_rl.seeds import evaluation_seed
 @recipe("hand_over", checkpoint=str, systems=tuple[str, ...])
 def main(config: DictConfig) -> None:
     """Tries every chain, writes and prints the table."""
-    rows = [row for system in config.systems for row in _follow(config, system, chain_of(config, system))]
+    for system in config.systems:
+        check_chain(config, system)
+    chains = {system: chain_of(config, system) for system in config.systems}  # before any is measured
+    rows = [row for system, skills in chains.items() for row in _follow(config, system, skills)]
     path = Path(config.results_dir) / config.task.name / "hand_over.csv"
     table = append_rows(path, rows, ("system", "seed", "checkpoint", "subtask"))
     print(table.round(3).to_string(index=False))

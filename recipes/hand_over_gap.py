@@ -34,6 +34,7 @@ from tstar_rl.config.build import environment
 from tstar_rl.config.load import recipe
 from tstar_rl.config.seams import chain_of, env_at_seam
 from tstar_rl.env.task_tables import part_names
+from tstar_rl.launch.steps import check_chain
 from tstar_rl.rollouts.episodes import run_episodes
 from tstar_rl.rollouts.hand_overs import HandOver, HandOvers
 from tstar_rl.rollouts.state_sets import TerminationSet
@@ -51,6 +52,7 @@ from tstar_rl.seeds import evaluation_seed
 )  # fmt: skip
 def main(config: DictConfig) -> None:
     """Measures one chain, writes and prints both tables."""
+    check_chain(config, config.system)
     place, skills = Path(config.results_dir) / config.task.name, chain_of(config, config.system)
     chain = {"system": config.system, "seed": config.seed, "checkpoint": config.checkpoint}
     parts = part_names(config.task.name)

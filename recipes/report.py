@@ -14,6 +14,7 @@ from omegaconf import DictConfig
 
 from tstar_rl.analysis.page import draw_page, replace_block, results_head, results_page, runs_page
 from tstar_rl.config.load import recipe
+from tstar_rl.runs.files import replacing
 
 
 @recipe("report", docs_dir=str, readme=str, paper=str, notes=str, figures=bool)
@@ -27,11 +28,16 @@ def main(config: DictConfig) -> None:
     }
     docs.mkdir(parents=True, exist_ok=True)
     for page, text in pages.items():
-        page.write_text(text)
-    readme.write_text(replace_block(readme.read_text(), results_head(root, paper, notes)))
+        _write(page, text)
+    _write(readme, replace_block(readme.read_text(), results_head(root, paper, notes)))
     print(*pages, readme)
     if config.figures:
         print(*draw_page(root, paper, docs / "figures"), sep="\n")
+
+
+def _write(page: Path, text: str) -> None:
+    with replacing(page) as partial:
+        partial.write_text(text)
 
 
 if __name__ == "__main__":

@@ -56,7 +56,7 @@ def both_sides(config: DictConfig, given: Sequence[str]) -> list[Shown]:
     if not (shipped or asked):
         print(f"{config.task.name} has no such trained chains: the scripted assembler is shown")
     if config.variants is None or not (shipped or asked):
-        generator = torch.Generator().manual_seed(config.seed)
+        generator = torch.Generator().manual_seed(config.seed % 2**63)
         disturbed = "scripted assembler, arm disturbed"
         return [
             Shown(disturbed, lambda env: env.expert(config.noise, generator), False),

@@ -4,6 +4,8 @@ import re
 
 import pytest
 
+from tstar_rl.shipped.catalogue import CHAINS
+
 MISTAKES = [
     # an unknown key
     ("gail_ppo", ["sede=1"], "the config has no sede; it has system, .*; did you mean seed"),
@@ -86,6 +88,11 @@ MISTAKES = [
     ("baselines", ["subtask=1"], "subtask must be null, got 1: baselines is of the whole task; its steps say which"),
     ("make_demonstrations", ["whole=true", "subtask=0"], "whole=true is of the whole task: subtask must be null, got"),
     ("gail_ppo", ["subtask=0", "+env.max_steps=60"], "env.max_steps is not read in training: .* is training.max_steps"),
+    ("spirl", ["subtask=0", "+env.max_steps=60"], "env.max_steps is not read in training: .* is spirl.max_steps"),
+    ("assemble", ["system=mine"], "system must be left out, got mine: assemble starts other recipes, each of which"),
+    ("experiment", ["system=mine"], "system must be left out, got mine: experiment starts"),
+    ("gail_ppo", ["subtask=0", "demonstrations.seed=-1"], "demonstrations.seed must be a whole number from 0, got -1"),
+    ("plot", ["results_dir=/tmp/a=b"], "cannot read .*, and a value with other characters in quotes: \"key='a=b,c'\""),
     ("tstar", ["+env.max_steps=60"], "the time limit there is training.max_steps and chain.trial_max_steps"),
     ("ppo", ["subtask=0", "reward.weights.gail=0.5"], "weights.gail must be 0 for ppo, .* gail_ppo does; got 0.5"),
     ("spirl", ["subtask=0", "reward.weights.gail=0.5", "reward.weights.tsr=1"],
@@ -130,6 +137,9 @@ MISTAKES = [
     ("watch", ["noise=-1"], "noise must be not negative, got -1"),
     ("watch", ["variants=[a,b]", "task=toy_table"], "unknown task with trained chains: 'toy_table'; there are .*lack"),
     # something that is not there
+    ("evaluate", [f"path={CHAINS}/table_lack/tstar"], "is a shipped chain: evaluate it with pretrained=<task>/<varia"),
+    ("hand_over_gap", ["system=no_finetuning_x"], "no checkpoint at runs/.*/gail_ppo/seed0/subtask0/last: train"),
+    ("experiment", ["experiment=shelf", "unpublished=true"], "leaves out what lies below results/published, which"),
     ("plot", ["task=table_lack"], "no metrics.csv below results/table_lack: train something first"),
     ("ship", [], "no chain at runs/table_lack/tstar/seed0/last: train it first"),
     ("gail_ppo", ["subtask=0"], "no demonstrations at demonstrations/.*make_demonstrations.py .* subtask=0 seed=0 "),

@@ -216,6 +216,23 @@ def test_a_minari_data_set_is_replaced_as_a_whole(recording, minari_root, datase
         write_minari(one, "a b", minari_root)
 
 
+def test_a_minari_data_set_that_a_kill_left_aside_is_put_back_also_if_the_new_one_fails(
+    recording, tmp_path, monkeypatch
+):
+    there = write_minari(recording, DATASET, tmp_path)
+    files = sorted(file.relative_to(there) for file in there.rglob("*"))
+    there.rename(there.with_name(f".{there.name}.old-0"))
+
+    def fail(*arguments):
+        raise OSError("no space")
+
+    monkeypatch.setattr("tstar_rl.demonstrations.formats.minari_write._create", fail)
+    with pytest.raises(OSError, match="no space"):
+        write_minari(recording, DATASET, tmp_path)
+    assert sorted(file.relative_to(there) for file in there.rglob("*")) == files
+    assert [file.name for file in there.parent.iterdir() if file.name.startswith(".")] == []
+
+
 @pytest.mark.parametrize("missing", ["h5py", "minari"])
 def test_a_library_that_is_not_installed_is_named(recording, tmp_path, monkeypatch, missing):
     def without(name):

@@ -1,6 +1,8 @@
 """Recipes that run side by side end with the process that started them."""
 
+import errno
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -9,7 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from tstar_rl.launch.children import run_child
+from tstar_rl.launch.children import child, end_children, run_child
+from tstar_rl.launch.side_by_side import run_recipe, run_side_by_side
+from tstar_rl.runs.run_folder import RECIPES
 
 QUEUE = """
 import sys
@@ -69,3 +73,35 @@ def test_signals_are_as_before_afterwards():
     before = signal.getsignal(signal.SIGTERM)
     assert run_child([sys.executable, "-c", "raise SystemExit(3)"], os.environ) == 3
     assert signal.getsignal(signal.SIGTERM) is before
+
+
+def test_what_is_no_process_ends_with_the_rest():
+    """As a task of a cluster does, which is cancelled."""
+    ended = []
+    with child(lambda: ended.append("task")):
+        end_children()
+    end_children()
+    assert ended == ["task"]
+
+
+def test_a_lane_that_finds_the_disk_full_says_so_and_the_other_goes_on():
+    done = []
+
+    def run(step, shared, line):
+        if step == ("full",):
+            raise OSError(errno.ENOSPC, "No space left on device", "results/metrics.csv")
+        done.append(step)
+
+    with pytest.raises(
+        SystemExit, match="^no space left on the disk for results/metrics.csv. What was written"
+    ):
+        run_side_by_side([[("full",), ("after",)], [("other",)]], [], 1, run)
+    assert done == [("other",)]
+
+
+def test_a_step_that_failed_can_be_given_again(tmp_path, monkeypatch):
+    monkeypatch.setattr("tstar_rl.launch.side_by_side.run_child", lambda *arguments: 1)
+    with pytest.raises(SystemExit) as end:
+        run_recipe(("plot", "terminal_reward={score: terminal, baseline: none}"))
+    told = shlex.split(str(end.value).removeprefix("this step failed: "))
+    assert told[1:] == [str(RECIPES / "plot.py"), "terminal_reward={score: terminal, baseline: none}"]

@@ -72,6 +72,18 @@ def test_an_arm_may_have_skills_of_its_own():
     ]
 
 
+def test_demonstrations_may_lie_elsewhere():
+    wide = {"name": "no_finetuning_wide", "recipe": "no_finetuning", "skill_overrides": ["env.arm_noise=0.8"]}
+    experiment = parse_experiment({**SMALL, "arms": [wide]})
+    usual, elsewhere = (
+        [step for _, step in experiment.steps_by_commit(1, 7, None, place)] for place in (None, "/disk")
+    )
+    assert "demonstrations_dir=/disk/no_finetuning_wide" in elsewhere[0]
+    assert [[value.replace("/disk", "demonstrations/small") for value in step] for step in elsewhere] == [
+        list(step) for step in usual
+    ]
+
+
 def test_the_first_skill_of_an_arm_may_be_trained_like_that_of_others():
     wide = {"name": "wide", "recipe": "policy_sequencing", "later_skill_overrides": ["env.arm_noise=0.8"]}
     steps = parse_experiment({**SMALL, "arms": [wide]}).steps(3, 7)

@@ -1,5 +1,7 @@
 """Publishing finished runs."""
 
+import errno
+
 import pytest
 
 from tstar_rl.launch.published import publish
@@ -37,3 +39,28 @@ def test_other_figures_of_a_published_run_are_an_error_after_the_rest_is_copied(
         publish(tmp_path / "a", tmp_path / "b")
     assert (tmp_path / "b/two/evaluation.csv").is_file()
     assert "0.75" in (tmp_path / "b/one/evaluation.csv").read_text()
+
+
+@pytest.mark.parametrize("left", ["", "progress,min\n0.5"])
+def test_a_table_that_was_half_written_counts_as_other_figures(tmp_path, left):
+    for place in ("a/one", "a/two", "b/one"):
+        (tmp_path / place).mkdir(parents=True)
+        (tmp_path / place / "evaluation.csv").write_text("progress,minutes\n0.5,1\n")
+    (tmp_path / "b/one/evaluation.csv").write_text(left)
+    with pytest.raises(ValueError, match=r"other figures .*: .*b/one/evaluation.csv; delete these"):
+        publish(tmp_path / "a", tmp_path / "b")
+    assert (tmp_path / "b/two/evaluation.csv").is_file()
+
+
+def test_a_copy_that_fails_leaves_no_table(tmp_path, monkeypatch):
+    (tmp_path / "a/one").mkdir(parents=True)
+    (tmp_path / "a/one/evaluation.csv").write_text("progress,minutes\n0.5,1\n")
+
+    def full(source, target):
+        target.write_text("prog")
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("tstar_rl.launch.published.shutil.copyfile", full)
+    with pytest.raises(OSError, match="No space"):
+        publish(tmp_path / "a", tmp_path / "b")
+    assert not list((tmp_path / "b/one").iterdir())

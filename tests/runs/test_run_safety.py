@@ -46,8 +46,9 @@ def test_a_folder_is_free_when_its_run_has_finished(tmp_path):
     run = a_run(tmp_path)
     run.start()
     run.finish()
-    other = other_process("print('held')", str(run.work))
-    assert other.communicate()[0] == "held\n"
+    for folder in (run.work, run.results):
+        other = other_process("print('held')", str(folder))
+        assert other.communicate()[0] == "held\n"
 
 
 def test_rows_that_processes_add_at_once_are_all_kept(tmp_path):

@@ -6,6 +6,7 @@ import pytest
 import torch
 from spirl_agent import DECODERS, make_agent
 from tensordict import TensorDict
+from torch.testing import assert_close
 
 from tstar_rl.spirl import ModelTrainingSettings, split_windows, train_latent_model
 from tstar_rl.spirl.model_training import LatentModelLoss, windows
@@ -58,6 +59,32 @@ def test_training_finds_the_latents_and_the_states_they_belong_to(decoder):
     (row,) = list(train_latent_model(make_agent(decoder).model, data[:96], data[96:], settings))
     assert row["held_out_variance"] == pytest.approx(1.0)
     assert row["held_out_error"] < 0.05 and row["held_out_prior_error"] < 0.1
+
+
+def test_with_a_cosine_the_second_of_two_epochs_moves_half_as_far():
+    torch.manual_seed(0)
+    data = TensorDict({"observation": torch.randn(32, 4, 72), "action": torch.randn(32, 4, 9)}, [32])
+    start = make_agent().model.state_dict()
+
+    def moves(cosine: bool) -> list[torch.Tensor]:
+        """Of all parameters in each epoch, which has one minibatch and the same draws."""
+        agent = make_agent()
+        agent.model.load_state_dict(start)
+        settings = ModelTrainingSettings(epochs=2, minibatch=32, log_every=1, cosine_decay=cosine)
+        torch.manual_seed(1)
+        last, found = flat(agent.model), []
+        for _ in train_latent_model(agent.model, data, data, settings):
+            torch.manual_seed(2)
+            found.append(flat(agent.model) - last)
+            last = flat(agent.model)
+        return found
+
+    def flat(model):
+        return torch.nn.utils.parameters_to_vector(model.parameters()).detach().double()
+
+    (first, second), (same, half) = moves(False), moves(True)
+    assert torch.equal(first, same)
+    assert_close(half, second / 2, rtol=0, atol=1e-7)
 
 
 def test_the_prior_does_not_pull_at_the_posterior():

@@ -134,6 +134,22 @@ class TestLatentPolicyUpdate:
         update(transitions(agent), 50)
         assert all(torch.equal(a, b) for a, b in zip(before, agent.network.parameters(), strict=True))
 
+    def test_the_target_critics_follow_the_critics(self):
+        agent, update = self.make(tau=1.0)
+        before = update.loss.target_qvalue_network_params.clone()
+        update(transitions(agent), 3)
+        critics, targets = update.loss.qvalue_network_params.data, update.loss.target_qvalue_network_params
+        assert_close(targets, critics, rtol=0, atol=0)
+        assert not (targets == before).all()
+
+    def test_gradients_are_limited(self):
+        """Adam divides by their size, but for its epsilon: only gradients far below that move nothing."""
+        agent, update = self.make(max_grad_norm=1e-12)
+        before = [p.clone() for p in (*agent.network.parameters(), *update.parameters["qvalue"])]
+        update(transitions(agent), 5)
+        after = (*agent.network.parameters(), *update.parameters["qvalue"])
+        assert max((a - b).abs().max() for a, b in zip(before, after, strict=True)) < 1e-4
+
     def test_it_goes_on_from_its_state(self):
         agent, update = self.make()
         update(transitions(agent), 10)

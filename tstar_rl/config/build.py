@@ -113,6 +113,10 @@ def new_spirl_agent(config: DictConfig, subtask: int | None) -> SpirlAgent:
 def load_skill(path: str | Path, **expected: Any) -> Skill | SpirlAgent:
     """The skill or the SPiRL agent saved at `path`; raises what their `load` does."""
     built = checkpoint.read_record(path)["built"]
+    if isinstance(built, list):  # of all its policies
+        raise InvalidValueError(
+            f"{path} is a shipped chain: evaluate it with pretrained=<task>/<variant> pretrained_dir=..."
+        )
     return (SpirlAgent if "latent_model" in built else Skill).load(path, **expected)
 
 

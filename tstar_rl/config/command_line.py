@@ -26,11 +26,12 @@ from omegaconf.errors import OmegaConfBaseException
 
 from tstar_rl.checks import UserError, did_you_mean
 
-__all__ = ["command_line", "told_in_words"]
+__all__ = ["command_line", "of_the_disk", "told_in_words"]
 
 FULL_ERROR = "HYDRA_FULL_ERROR"
 STOPPED = (
-    "stopped; what was written stays, and the same command goes on from the last checkpoint, if there is one"
+    "stopped; what was written stays, and the same command, without resume=false, goes on from the last checkpoint, "
+    "if there is one"
 )
 BY_SIGINT = 130
 """Exit code of a process that Ctrl-C stopped, as shells have it."""
@@ -115,10 +116,11 @@ def told_in_words() -> Iterator[None]:
     except OSError as error:
         if error.errno is None and not isinstance(error, FileNotFoundError):
             raise
-        raise SystemExit(f"{_of_the_disk(error)}\n{HINT}") from None
+        raise SystemExit(f"{of_the_disk(error)}\n{HINT}") from None
 
 
-def _of_the_disk(error: OSError) -> str:
+def of_the_disk(error: OSError) -> str:
+    """What a message says of a file or folder that cannot be read or written."""
     if error.errno in FULL_DISK:
         said = "What was written before stays as it was: make room, then give the same command again"
         return f"no space left on the disk for {error.filename or 'a file'}. {said}"
@@ -134,7 +136,10 @@ def _in_words(error: Exception, configs: Path, name: str, check: Check) -> str:
     if isinstance(error, MissingConfigException) and error.missing_cfg_file:
         return _missing_file(Path(error.missing_cfg_file), configs, name)
     if isinstance(error, OverrideParseException):
-        return f"cannot read {error.override!r}: write key=value, lists as [1,2], null for nothing"
+        return (
+            f"cannot read {error.override!r}: write key=value, lists as [1,2], null for nothing, and a value with "
+            """other characters in quotes: "key='a=b,c'\""""
+        )
     unknown = re.match(r"Could not override '([^']+)'", text)
     if unknown:
         return _unknown_key(unknown[1], configs, name, check)

@@ -24,6 +24,7 @@ LEAST = {
     "processes": 1,
     "collection.workers": 1,
     "demonstrations.episodes": 1,
+    "demonstrations.seed": 0,
     "demonstrations.num_envs": 1,
     "training.num_envs": 1,
     "training.horizon": 1,

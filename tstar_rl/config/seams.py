@@ -1,5 +1,7 @@
 """From a config to a chain's skills and to simulations of one subtask that begin at a seam."""
 
+from pathlib import Path
+
 from omegaconf import DictConfig
 from torchrl.envs import TransformedEnv
 
@@ -15,7 +17,7 @@ __all__ = ["chain_of", "env_at_seam"]
 
 def chain_of(config: DictConfig, system: str) -> list[Skill]:
     """The skills of a system at config.checkpoint, in order."""
-    if system == UNTRAINED:
+    if Path(system).name.startswith(UNTRAINED):  # as no_finetuning_<name>, of other skills
         return load_skills(config, config.checkpoint)
     run = run_path(config.runs_dir, config.task.name, system, config.seed)
     return [skill.to(config.device) for skill in load_chain(run / config.checkpoint, task=config.task.name)]

@@ -41,8 +41,14 @@ def check_what_is_not_read(values: Mapping[str, Any], name: str) -> None:
             f"subtask must be null, got {values['subtask']}: {name} is of the whole task; {told}"
         )
     trains = name in ONE_POLICY or (chains and name != "exchanged")  # which runs two chains as they are
+    if name in WHOLE and values["system"] != name:
+        raise ConfigError(
+            f"system must be left out, got {values['system']}: {name} starts other recipes, each of which names its "
+            "own run; results_dir=... and runs_dir=... keep runs apart"
+        )
     if values["env"].get("max_steps") is not None and trains:
         limits = "training.max_steps and chain.trial_max_steps" if chains else "training.max_steps"
+        limits = "spirl.max_steps" if name == "spirl" else limits
         raise ConfigError(f"env.max_steps is not read in training: the time limit there is {limits}")
     _check_demonstrations(values.get("demonstrations") or {})
     _check_rewards(values, name)

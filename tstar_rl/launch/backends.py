@@ -15,9 +15,15 @@ __all__ = ["check_local", "launcher"]
 
 
 def launcher(config: DictConfig) -> Callable[..., None]:
-    """What runs a recipe for another one, by launch: "local", a process here, or "ray", a task of a cluster."""
+    """What runs a recipe for another one, by launch: "local", a process here, or "ray", a task of a cluster.
+
+    A cluster of this machine's own has room for them all, and for the workers of each with collection.backend=ray.
+    """
+    if config.launch == "local":
+        return run_recipe
+    workers = config.collection.workers if config.collection.backend == "ray" else 0
     cluster = settings(ClusterSettings, config.cluster)
-    return run_recipe if config.launch == "local" else partial(run_on_cluster, cluster, config.processes)
+    return partial(run_on_cluster, cluster, config.processes * (1 + workers))
 
 
 def check_local(launch: str, recipe: str) -> None:

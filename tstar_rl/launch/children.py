@@ -1,15 +1,16 @@
-"""Processes that this one starts, and that end when it is told to end, by Ctrl-C or by `kill`."""
+"""Processes and tasks that this one starts, and that end when it is told to end, by Ctrl-C or by `kill`."""
 
 import signal
 import subprocess
 import threading
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import NoReturn
 
-__all__ = ["end_children", "ended_by_kill", "run_child"]
+__all__ = ["child", "end_children", "ended_by_kill", "run_child"]
 
-_running: set[subprocess.Popen[bytes]] = set()
+_ends: set[Callable[[], object]] = set()
+"""What ends each of those that are running."""
 
 
 def run_child(command: Sequence[str], environ: Mapping[str, str], seconds: float | None = None) -> int:
@@ -26,21 +27,28 @@ def run_child(command: Sequence[str], environ: Mapping[str, str], seconds: float
     Raises:
         TimeoutExpired: if it was not done in `seconds`; it is killed then, as it is by whatever else ends the wait.
     """
-    with ended_by_kill(), subprocess.Popen(command, env=environ) as child:
-        _running.add(child)
+    with ended_by_kill(), subprocess.Popen(command, env=environ) as process, child(process.terminate):
         try:
-            return child.wait(seconds)
+            return process.wait(seconds)
         except BaseException:
-            child.kill()
+            process.kill()
             raise
-        finally:
-            _running.discard(child)
+
+
+@contextmanager
+def child(end: Callable[[], object]) -> Iterator[None]:
+    """Within it something runs that `end` ends; whoever waits for it then sees that it has."""
+    _ends.add(end)
+    try:
+        yield
+    finally:
+        _ends.discard(end)
 
 
 def end_children() -> None:
-    """Ends what `run_child` is waiting for in other threads, which then see its exit code."""
-    for child in list(_running):
-        child.terminate()
+    """Ends what other threads are waiting for within `child`."""
+    for end in list(_ends):
+        end()
 
 
 @contextmanager

@@ -2,9 +2,12 @@
 
 import os
 import runpy
+import shlex
 import sys
 from collections.abc import Sequence
+from functools import partial
 
+from tstar_rl.launch.children import child
 from tstar_rl.launch.side_by_side import Step
 from tstar_rl.rollouts.cluster import RETRIES, ClusterSettings, connect, resources
 from tstar_rl.runs.run_folder import RECIPES
@@ -33,16 +36,18 @@ def run_on_cluster(
     finds them under the same path.
 
     Raises:
-        SystemExit: if it fails, with its command.
+        SystemExit: if it fails, or is ended with `end_children`, with its command.
     """
     ray = connect(settings, workers)
     name, *own = step
     values = [*shared, *own, "progress_bar=false"]  # bars of several nodes on one screen cannot be read
     script = str(RECIPES / f"{name}.py")
     remote = ray.remote(max_calls=1, max_retries=RETRIES, **resources(settings))(_recipe)
-    command = f"{script} {' '.join(values)}"
+    command = shlex.join([script, *values])
+    task = remote.options(name=f"{name} {' '.join(own)}").remote(script, values, os.getcwd())
     try:
-        said = ray.get(remote.options(name=f"{name} {' '.join(own)}").remote(script, values, os.getcwd()))
+        with child(partial(ray.cancel, task, force=True)):
+            said = ray.get(task)
     except ray.exceptions.RayError as error:
         raise SystemExit(f"this step failed: {command}\n{error}") from error
     if said is not None:

@@ -6,6 +6,7 @@ from pathlib import Path
 import pandas as pd
 
 from tstar_rl.checks import InvalidValueError
+from tstar_rl.runs.files import replacing
 
 __all__ = ["publish"]
 
@@ -33,8 +34,11 @@ def publish(source: str | Path, target: str | Path) -> list[Path]:
             differ += [there] if _figures(there) != _figures(file) else []
             continue
         there.parent.mkdir(parents=True, exist_ok=True)
-        tables = [name for name in TABLES if file.with_name(name).is_file()]
-        written += [Path(shutil.copyfile(file.with_name(name), there.with_name(name))) for name in tables]
+        for name in TABLES:
+            if file.with_name(name).is_file():
+                with replacing(there.with_name(name)) as partial:
+                    shutil.copyfile(file.with_name(name), partial)
+                written.append(there.with_name(name))
     if differ:
         raise InvalidValueError(
             f"published before with other figures than those in {source}: {', '.join(map(str, differ))}; "
@@ -44,5 +48,8 @@ def publish(source: str | Path, target: str | Path) -> list[Path]:
 
 
 def _figures(file: Path) -> str:
-    """An evaluation without the minutes that it took."""
-    return pd.read_csv(file).drop(columns=MEASURED, errors="ignore").to_csv(index=False)
+    """An evaluation without the minutes that it took; of a file that is no table, nothing."""
+    try:
+        return pd.read_csv(file).drop(columns=MEASURED, errors="ignore").to_csv(index=False)
+    except (pd.errors.EmptyDataError, pd.errors.ParserError):
+        return ""

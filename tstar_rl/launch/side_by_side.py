@@ -1,6 +1,7 @@
 """Recipes run as processes of their own, some at a time, here or wherever a launcher takes them."""
 
 import os
+import shlex
 import sys
 import threading
 import time
@@ -16,6 +17,7 @@ from hydra.errors import HydraException
 from omegaconf.errors import OmegaConfBaseException
 
 from tstar_rl.checks import MissingFileError, UserError
+from tstar_rl.config.command_line import of_the_disk
 from tstar_rl.launch.children import end_children, ended_by_kill, run_child
 from tstar_rl.launch.code_of_commit import environ_of
 from tstar_rl.runs.run_folder import RECIPES, made_by
@@ -52,7 +54,7 @@ def run_recipe(
     recipes = RECIPES if code is None else code / "recipes"
     command = [sys.executable, str(recipes / f"{name}.py"), *shared, *values]
     if run_child(command, environ, seconds):
-        raise SystemExit(f"this step failed: {' '.join(command)}")
+        raise SystemExit(f"this step failed: {shlex.join(command)}")
 
 
 def run_side_by_side(
@@ -89,6 +91,8 @@ def run_side_by_side(
                     (run or run_recipe)(step, shared, line)
         except (SystemExit, UserError, HydraException, OmegaConfBaseException) as failure:
             return str(failure)
+        except OSError as failure:
+            return of_the_disk(failure)
         except Exception as failure:  # of the program: the other lanes' hours are not lost to it
             return "".join(traceback.format_exception(failure))
         finally:

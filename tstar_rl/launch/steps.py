@@ -25,6 +25,7 @@ from tstar_rl.runs.run_config import read_config
 from tstar_rl.runs.run_folder import UNTRAINED, run_path
 
 __all__ = [
+    "check_chain",
     "check_evaluation",
     "evaluated_runs",
     "is_done",
@@ -160,6 +161,16 @@ def check_evaluation(folder: Path, config: Mapping[str, Any]) -> None:
             f"{folder} has the results of something else: {'; '.join(wrong)}. Give the scale that it has, or another "
             "results_dir=..., or, of skills chained as they are, another system=no_finetuning_<name>"
         )
+
+
+def check_chain(config: DictConfig, system: str) -> None:
+    """Refuses a config of another world than that in which the chain of `system` was trained or evaluated.
+
+    Raises:
+        CheckpointMismatchError: with what differs.
+    """
+    folder = run_path(config.results_dir, config.task.name, system, config.seed)
+    check_evaluation(folder, plain(config) | {"system": system})
 
 
 def _is_evaluated(config: DictConfig) -> bool:

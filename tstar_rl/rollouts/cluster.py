@@ -1,6 +1,8 @@
 """A Ray cluster: one that is there already, or one of this machine's own."""
 
+import math
 import os
+import threading
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +12,7 @@ __all__ = ["ClusterSettings", "connect", "resources"]
 
 RETRIES = 5
 """Times that a worker, or a recipe's process, is replaced before its death is the run's."""
+_connecting = threading.Lock()  # lanes side by side begin at the same time
 
 
 @dataclass(frozen=True)
@@ -29,11 +32,12 @@ def connect(settings: ClusterSettings, workers: int) -> Any:
         MissingExtraError: if Ray is not installed, with the command that does it.
     """
     ray = import_extra("ray", "ray", "launch=ray or collection.backend=ray")
-    if not ray.is_initialized():
-        address = settings.address or os.environ.get("RAY_ADDRESS")
-        cpus = max(os.cpu_count() or 1, round(workers * settings.cpus))
-        own: dict[str, Any] = {} if address else {"num_cpus": cpus, "include_dashboard": False}
-        ray.init(address=address, logging_level="WARNING", **own)
+    with _connecting:
+        if not ray.is_initialized():
+            address = settings.address or os.environ.get("RAY_ADDRESS")
+            cpus = max(os.cpu_count() or 1, math.ceil(workers * settings.cpus))
+            own: dict[str, Any] = {} if address else {"num_cpus": cpus, "include_dashboard": False}
+            ray.init(address=address, logging_level="WARNING", **own)
     return ray
 
 

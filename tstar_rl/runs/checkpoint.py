@@ -4,7 +4,6 @@ Each carries a record of what it belongs to (task, recipe, config, ...), and is 
 not as it was written is refused by the name of its file: see `checksums`.
 """
 
-import os
 import re
 import shutil
 import uuid
@@ -22,7 +21,7 @@ from torchrl.checkpoint import (
 
 from tstar_rl.checks import MissingFileError, UserError
 from tstar_rl.runs.checksums import SEAL, DamagedCheckpointError, read_seal, seal, verify
-from tstar_rl.runs.files import named_in_errors
+from tstar_rl.runs.files import named_in_errors, replace_folder
 from tstar_rl.runs.mismatch import CheckpointMismatchError, differences
 from tstar_rl.runs.run_folder import made_by
 
@@ -31,7 +30,6 @@ __all__ = [
     "is_checkpoint",
     "latest",
     "load",
-    "put_back",
     "read_record",
     "save",
     "save_step",
@@ -65,7 +63,7 @@ class _SealedCheckpoint(Checkpoint):
             with named_in_errors(destination):
                 super().save(stage, **options)
                 seal(stage)
-                _publish(stage, destination)
+                replace_folder(stage, destination)
         finally:
             shutil.rmtree(stage, ignore_errors=True)
         return destination
@@ -139,28 +137,6 @@ def load(path: str | Path, components: Mapping[str, Any], **expected: Any) -> di
     if read_seal(Path(path)) != files:
         raise DamagedCheckpointError(f"{path} was replaced while it was read: read it again")
     return record
-
-
-def _publish(stage: Path, destination: Path) -> None:
-    """Puts a complete folder in its place; what was there stays until then."""
-    before = destination.with_name(f".{destination.name}.old-{uuid.uuid4().hex}")
-    if destination.exists():
-        os.replace(destination, before)
-    try:
-        os.replace(stage, destination)
-    except OSError:
-        if before.exists():
-            os.replace(before, destination)
-        raise
-    shutil.rmtree(before, ignore_errors=True)
-
-
-def put_back(destination: Path) -> None:
-    """Puts back a checkpoint that had been moved aside for a new one, where a kill came before that took its place."""
-    if not destination.exists():
-        for left in destination.parent.glob(f".{destination.name}.old-*"):
-            os.replace(left, destination)
-            return
 
 
 def _remove_remains(destination: Path) -> None:

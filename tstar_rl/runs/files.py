@@ -4,11 +4,13 @@ import errno
 import fcntl
 import io
 import os
+import shutil
+import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-__all__ = ["append_text", "named_in_errors", "replacing", "turn_to_write"]
+__all__ = ["append_text", "named_in_errors", "put_back", "replace_folder", "replacing", "turn_to_write"]
 
 
 @contextmanager
@@ -38,6 +40,28 @@ def replacing(path: Path) -> Iterator[Path]:
             os.replace(partial, path)
     finally:
         partial.unlink(missing_ok=True)
+
+
+def replace_folder(stage: Path, destination: Path) -> None:
+    """Puts a complete folder in its place; what was there stays until then, if a kill comes in between beside it."""
+    before = destination.with_name(f".{destination.name}.old-{uuid.uuid4().hex}")
+    if destination.exists():
+        os.replace(destination, before)
+    try:
+        os.replace(stage, destination)
+    except OSError:
+        if before.exists():
+            os.replace(before, destination)
+        raise
+    shutil.rmtree(before, ignore_errors=True)
+
+
+def put_back(destination: Path) -> None:
+    """Puts back a folder that had been moved aside for a new one, where a kill came before that took its place."""
+    if not destination.exists():
+        for left in destination.parent.glob(f".{destination.name}.old-*"):
+            os.replace(left, destination)
+            return
 
 
 def append_text(path: Path, text: str) -> None:

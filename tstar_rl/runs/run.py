@@ -18,7 +18,7 @@ from tqdm import tqdm
 
 from tstar_rl.runs import checkpoint, lock
 from tstar_rl.runs.csv_tables import LogError, MetricsLog
-from tstar_rl.runs.files import replacing
+from tstar_rl.runs.files import put_back, replacing
 from tstar_rl.runs.mismatch import MACHINE_ONLY, CheckpointMismatchError, check_config
 from tstar_rl.runs.run_config import note_resumed, read_config, write_config
 from tstar_rl.runs.run_folder import SAVED, run_path
@@ -94,7 +94,7 @@ class Run:
         """
         self.components = {**components, "run": self, "rng": GlobalRNGState()}
         for name in ("best", "last"):
-            checkpoint.put_back(self.work / name)
+            put_back(self.work / name)
         found = checkpoint.latest(self.work / "checkpoints") if self.config["resume"] else None
         finished = self.work / "finished.json"
         if found is None:

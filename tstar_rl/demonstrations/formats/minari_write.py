@@ -15,6 +15,7 @@ import torch
 from tstar_rl.checks import InvalidValueError, import_extra
 from tstar_rl.demonstrations.formats.recording import Episode, Recording
 from tstar_rl.demonstrations.formats.states import StateLayout
+from tstar_rl.runs.files import put_back, replace_folder
 
 __all__ = ["ROOT", "write_minari"]
 
@@ -26,6 +27,8 @@ INFOS = ("subtask", "phase", "completed", "success")
 
 def write_minari(recording: Recording, dataset_id: str, root: str | Path) -> Path:
     """Writes a data set below `root`; one of that name that is there stays whole until the new one is complete.
+
+    A kill between the two leaves the old one hidden beside it, and the next call puts it back first.
 
     Observations and infos have T + 1 rows, the rest T. `infos["state"]` are full states, and the metadata's
     `state_layout` says what is where in them; `infos["expert_action"]` (last row 0) is what to imitate, where an
@@ -58,6 +61,7 @@ def write_minari(recording: Recording, dataset_id: str, root: str | Path) -> Pat
         ) from error
     root = Path(root).resolve()
     root.mkdir(parents=True, exist_ok=True)
+    put_back(root / dataset_id)
     with tempfile.TemporaryDirectory(dir=root, prefix=".writing") as folder, _datasets_in(folder):
         _create(recording, dataset_id)
         _move(Path(folder), root, dataset_id)
@@ -91,7 +95,7 @@ def _buffer(episode: Episode, layout: StateLayout) -> Any:
     infos: dict[str, Any] = {name: episode.states["task", name].numpy() for name in INFOS}
     infos["state"] = layout.rows(episode.states).numpy()
     if episode.labels is not None:
-        infos["expert_action"] = torch.cat([episode.labels, torch.zeros(1, 9)]).numpy()
+        infos["expert_action"] = torch.cat([episode.labels.cpu(), torch.zeros(1, 9)]).numpy()
     return EpisodeBuffer(
         seed=episode.seed,
         observations=episode.observations.numpy(),
@@ -123,6 +127,4 @@ def _move(written: Path, root: Path, dataset_id: str) -> None:
         there.parent.mkdir(parents=True, exist_ok=True)
         if not there.exists():
             shutil.copy(file, there)
-    if (root / dataset_id).exists():
-        os.replace(root / dataset_id, written / "before")  # goes with the folder
-    os.replace(written / dataset_id, root / dataset_id)
+    replace_folder(written / dataset_id, root / dataset_id)
