@@ -9,7 +9,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 import yaml
-from hydra import initialize_config_dir
+from hydra import compose, initialize_config_dir
 from recipe_runs import load_recipe
 from recorded import leave_demonstrations
 
@@ -17,9 +17,9 @@ from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.values import CONFIGS, plain
 from tstar_rl.demonstrations.header import DemonstrationError
 from tstar_rl.launch import experiment, steps
-from tstar_rl.launch.steps import is_done, missing, step_config, step_files
+from tstar_rl.launch.steps import check_chain, is_done, missing, step_config, step_files
 from tstar_rl.runs.mismatch import CheckpointMismatchError
-from tstar_rl.runs.run_config import note_evaluation
+from tstar_rl.runs.run_config import note_evaluation, write_config
 
 SUBTASKS = 4
 
@@ -126,6 +126,18 @@ def test_an_evaluation_of_another_world_or_of_other_skills_is_not_taken_for_the_
             is_done((*step, other), shared)
     with pytest.raises(InvalidValueError, match="system=gail_ppo subtask=2 is the skill"):
         steps.evaluated_runs(step_config((*step, "subtask=2"), shared))
+
+
+def test_a_chain_is_asked_in_the_world_that_it_was_trained_in(tmp_path):
+    values, config = [f"results_dir={tmp_path}"], {}
+    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
+        for scale in ("laptop", "no_return"):
+            config[scale] = compose("recipe/hand_over", [*values, f"scale={scale}"])
+    write_config(tmp_path / "table_lack/tstar/seed0", plain(config["no_return"]) | {"system": "tstar"})
+    check_chain(config["no_return"], "tstar")
+    check_chain(config["laptop"], "policy_sequencing")  # of which nothing is there
+    with pytest.raises(CheckpointMismatchError, match="results of something else: .*env.reset_robot"):
+        check_chain(config["laptop"], "tstar")
 
 
 def test_a_training_whose_results_are_gone_is_not_done(shared):
