@@ -5,9 +5,9 @@
 
 All of it at a tiny scale, whose clones succeed: so states are handed over, and terminal states are kept. First
 `assemble` runs through: its tables, demonstrations and skills are what is compared with, and what the other recipes
-start from. One that it does not run is run through by itself. Then each recipe is killed with all its processes, as by
-a power cut, and started again, until it is done; that repeats until it has had its share of the kills. Prints a table;
-exits with 1 if any start failed or anything differs.
+start from. One that it does not run is run through by itself. Then each recipe is killed with all its processes and
+started again, until it is done; that repeats until it has had its share of the kills. Of tables everything is compared
+but times, of skills all networks and sets. Prints a table; exits with 1 if any start failed or anything differs.
 """
 
 import argparse
@@ -20,11 +20,14 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
+from torch import Tensor
 
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.runs.checkpoint import is_checkpoint
@@ -135,10 +138,14 @@ def _same(first: Path, second: Path) -> bool:
         return one.files == two.files and all(np.array_equal(one[name], two[name]) for name in one.files)
     if not is_checkpoint(first):  # of a chain: its skills are found by themselves
         return not is_checkpoint(second)
-    states = [Skill.load(path).network_state() for path in (first, second)]
-    return all(
-        states[0][net][key].equal(value) for net, keys in states[1].items() for key, value in keys.items()
-    )
+    return is_checkpoint(second) and _equal(*(Skill.load(path).state_dict() for path in (first, second)))
+
+
+def _equal(one: Any, other: Any) -> bool:
+    """Whether two states, dictionaries of dictionaries, have the same entries and the same bits."""
+    if isinstance(one, Mapping):
+        return one.keys() == other.keys() and all(_equal(value, other[key]) for key, value in one.items())
+    return one.equal(other) if isinstance(one, Tensor) else one == other
 
 
 def untouched(subject: Subject, whole: Path, folder: Path) -> float:

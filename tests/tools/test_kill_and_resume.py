@@ -7,8 +7,11 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+import torch
 from hydra import compose, initialize_config_dir
 from recipe_runs import load_recipe
+from small_skill import small_skill
+from tensordict import TensorDict
 
 from tstar_rl.config.load import check_config
 from tstar_rl.config.values import CONFIGS
@@ -97,6 +100,26 @@ def test_what_is_missing_or_was_never_written_differs(tmp_path):
     (folder / "results" / "table.csv").write_text("a,minutes\n2,3\n")
     (whole / "results" / "other.csv").write_text("a\n1\n")
     assert tool.differing(subject, whole, folder) == ["results/other.csv", "results/table.csv"]
+
+
+def test_skills_differ_by_any_network_or_set_that_one_has(tmp_path):
+    subject = tool.Subject(("any",), (), ("runs/last",))
+    places = [tmp_path / name / "runs/last" for name in ("whole", "killed")]
+    skills = [small_skill(), small_skill()]
+
+    def differs():
+        for skill, place in zip(skills, places, strict=True):
+            skill.save(place)
+        return tool.differing(subject, tmp_path / "whole", tmp_path / "killed") == ["runs/last"]
+
+    assert not differs()
+    row = TensorDict({"observation": torch.ones(1, 72)}, [1])
+    skills[0].initiation_set.extend(row)
+    assert differs()
+    skills[1].initiation_set.extend(row)
+    assert not differs()
+    skills[0].network("feasibility")
+    assert differs()
 
 
 @pytest.mark.slow
