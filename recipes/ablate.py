@@ -11,7 +11,6 @@ import shutil
 from pathlib import Path
 from typing import Any
 
-from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
 from tstar_rl.analysis import (
@@ -28,7 +27,7 @@ from tstar_rl.config.ranges import chain_length
 from tstar_rl.config.values import plain
 from tstar_rl.launch.backends import launcher
 from tstar_rl.launch.side_by_side import Step, mean_bonus, run_side_by_side
-from tstar_rl.launch.steps import is_done, missing, passed_on, step_config
+from tstar_rl.launch.steps import chosen_scale, is_done, missing, passed_on, step_config
 from tstar_rl.rollouts.starts import check_shares
 from tstar_rl.runs.run_folder import run_path
 
@@ -42,7 +41,7 @@ TABLES = ("config.yaml", "metrics.csv", "evaluation.csv")
 def main(config: DictConfig) -> None:
     """Makes the skills, then every variant, those that wait for another's mean bonus last."""
     shared = passed_on(OWN)
-    shared.insert(0, f"scale={HydraConfig.get().runtime.choices['scale']}")
+    shared.insert(0, f"scale={chosen_scale()}")
     chosen = names() if config.all else sorted(config.get("ablation") or ())
     if not chosen:
         raise InvalidValueError(f"say which: ablation=<name> or all=true; there are {', '.join(names())}")

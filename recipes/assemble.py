@@ -9,14 +9,13 @@ goes on from its last checkpoint. With launch=ray the steps run wherever a clust
 import time
 from pathlib import Path
 
-from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
 from tstar_rl.config.load import recipe
 from tstar_rl.launch.backends import launcher
 from tstar_rl.launch.experiment import BONUS, with_bonus, without_bonus
 from tstar_rl.launch.side_by_side import Step, run_side_by_side
-from tstar_rl.launch.steps import missing, passed_on
+from tstar_rl.launch.steps import chosen_scale, missing, passed_on
 from tstar_rl.runs.csv_tables import append_rows
 
 OWN = ("processes", "seeds")  # values that only this recipe knows
@@ -59,7 +58,7 @@ def main(config: DictConfig) -> None:
     minutes = (time.perf_counter() - began) / 60
     print(f"all of it took {minutes:.1f} minutes")
     if from_nothing:
-        _note_minutes(config, HydraConfig.get().runtime.choices["scale"], len(seeds), minutes)
+        _note_minutes(config, chosen_scale(), len(seeds), minutes)
 
 
 def _seed(step: Step) -> int:

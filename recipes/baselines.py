@@ -6,14 +6,13 @@ What is given on the command line is passed on to every step. A baseline that is
 that was killed goes on from its last checkpoint. Tables land in <results_dir>/<task>/<baseline>/seed<k>/.
 """
 
-from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
 from tstar_rl.checks import InvalidValueError, did_you_mean
 from tstar_rl.config.load import recipe
 from tstar_rl.launch.backends import launcher
 from tstar_rl.launch.side_by_side import Step, run_side_by_side
-from tstar_rl.launch.steps import missing, passed_on
+from tstar_rl.launch.steps import chosen_scale, missing, passed_on
 
 OWN = ("processes", "systems", "only", "subtask", "video")  # values that only this recipe knows
 
@@ -23,7 +22,7 @@ OWN = ("processes", "systems", "only", "subtask", "video")  # values that only t
 )
 def main(config: DictConfig) -> None:
     """Trains and evaluates those that are missing, some at a time."""
-    shared = [f"scale={HydraConfig.get().runtime.choices['scale']}", *passed_on((*OWN, "scale"))]
+    shared = [f"scale={chosen_scale()}", *passed_on((*OWN, "scale"))]
     if unknown := [system for system in config.only or () if system not in config.systems]:
         near = did_you_mean(unknown[0], config.systems)
         raise InvalidValueError(

@@ -44,7 +44,7 @@ from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.build import environment
 from tstar_rl.config.load import recipe
 from tstar_rl.launch.side_by_side import run_recipe
-from tstar_rl.launch.steps import passed_on
+from tstar_rl.launch.steps import chosen_scale, passed_on
 from tstar_rl.runs.csv_tables import append_rows
 from tstar_rl.seeds import derive_seed
 
@@ -96,8 +96,7 @@ def main(config: DictConfig) -> None:
                 rates.setdefault(measure, []).append(rate)
     path = Path(config.results_dir) / "bench.csv"
     waits = start_rows(given) if config.bench.starts else ()
-    scale = HydraConfig.get().runtime.choices["scale"]
-    write([*rows_of(rates), *waits, *assemble_row(config, scale, given)], path)
+    write([*rows_of(rates), *waits, *assemble_row(config, chosen_scale(), given)], path)
     for row in on_a_gpu(HydraConfig.get().overrides.task) if GPU in config.bench.measures else ():
         print(row)
         append_rows(path, [row], ("measure",))  # at once: the largest number may not fit

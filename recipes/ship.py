@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
-from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
 from tstar_rl.chaining.chain import chain_folders
@@ -19,7 +18,7 @@ from tstar_rl.chaining.skill import Skill
 from tstar_rl.checks import MissingFileError
 from tstar_rl.config.load import recipe
 from tstar_rl.config.values import plain
-from tstar_rl.launch.steps import evaluated_runs, run_folder
+from tstar_rl.launch.steps import chosen_scale, evaluated_runs, run_folder
 from tstar_rl.runs.mismatch import CheckpointMismatchError, differences
 from tstar_rl.runs.run_config import read_config
 from tstar_rl.runs.run_folder import made_by
@@ -41,7 +40,7 @@ def main(config: DictConfig) -> None:
     path = Path(config.into) / config.task.name / config.variant
     save_shipped(
         skills, path, config.signal, task=config.task.name, variant=config.variant, says=config.says,
-        system=config.system, scale=HydraConfig.get().runtime.choices["scale"], seed=config.seed,
+        system=config.system, scale=chosen_scale(), seed=config.seed,
         checkpoint=config.checkpoint, figures=figures, **saved,
     )  # fmt: skip
     size = sum(file.stat().st_size for file in path.rglob("*") if file.is_file())

@@ -32,7 +32,9 @@ def steps(tmp_path) -> list[tuple[str, ...]]:
             (ended / "finished.json").write_text("{}")
 
     main = inspect.unwrap(runpy.run_path(str(RECIPE))["main"])
-    main.__globals__.update(launcher=lambda config: note, passed_on=lambda own: given)
+    main.__globals__.update(
+        launcher=lambda config: note, passed_on=lambda own: given, chosen_scale=lambda: "laptop"
+    )
     with initialize_config_dir(str(CONFIGS), version_base="1.3"):
         main(compose("recipe/assemble", [*given, "seeds=[3,4]", "processes=1"]))
     return run

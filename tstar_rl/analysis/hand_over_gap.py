@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tstar_rl.analysis.experiments import product_of_skills
-from tstar_rl.analysis.statistics import RESAMPLES, Interval
+from tstar_rl.analysis.statistics import RESAMPLES, Interval, interval_ends, resampled_means
 
 __all__ = ["chain_interval", "gap_interval", "product_interval"]
 
@@ -67,13 +67,11 @@ def _products(
 
 def _means(values: NDArray[np.floating], rng: np.random.Generator, resamples: int) -> NDArray[np.floating]:
     """(resamples,)."""
-    known, counts = np.unique(values, return_counts=True)
-    return rng.multinomial(values.size, counts / values.size, size=resamples) @ known / values.size
+    return resampled_means([values], np.zeros((resamples, 1), dtype=np.int64), rng).squeeze(-1)
 
 
 def _interval(value: float, draws: NDArray[np.floating]) -> Interval:
-    low, high = np.quantile(draws, (0.025, 0.975))
-    return Interval(value, float(low), float(high))
+    return Interval(value, *interval_ends(draws))
 
 
 def _number(episodes: int) -> int:

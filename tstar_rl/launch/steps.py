@@ -27,6 +27,7 @@ from tstar_rl.runs.run_folder import UNTRAINED, run_path
 __all__ = [
     "check_chain",
     "check_evaluation",
+    "chosen_scale",
     "evaluated_runs",
     "is_done",
     "missing",
@@ -49,6 +50,11 @@ def passed_on(own: Container[str]) -> list[str]:
     """
     given = HydraConfig.get().overrides.task
     return [value for value in given if re.split(r"[.=]", value.lstrip("+~"), maxsplit=1)[0] not in own]
+
+
+def chosen_scale() -> str:
+    """The scale that this recipe's command line has chosen, or its config's default."""
+    return HydraConfig.get().runtime.choices["scale"]
 
 
 def step_config(step: Step, shared: Sequence[str] = ()) -> DictConfig:
