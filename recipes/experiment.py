@@ -16,6 +16,7 @@ that lie there stay, and other numbers are an error.
 import itertools
 import threading
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -106,7 +107,8 @@ def _lanes(config: DictConfig, declared: DeclaredExperiment, published: Path) ->
             left = declared.unpublished(published, task, seed)
             arms = [name for name in left if arms is None or name in arms]
         place = step_config(("gail_ppo",), shared)
-        steps = declared.steps_by_commit(place.task.subtasks, seed, arms, place.demonstrations_dir)
+        there = replace(declared, demonstrations_dir=place.demonstrations_dir)
+        steps = there.steps_by_commit(place.task.subtasks, seed, arms)
         lanes.append([(commit, (step[0], *shared, *step[1:])) for commit, step in steps])
     return lanes
 

@@ -17,7 +17,7 @@ from tstar_rl import FurnitureEnv
 from tstar_rl.chaining.chain import ChainPolicy, chain_folders
 from tstar_rl.checks import InvalidValueError, MissingFileError
 from tstar_rl.config.build import environment, load_skill
-from tstar_rl.config.demonstrations import demonstrated, load_demonstrations, part_name
+from tstar_rl.config.demonstrations import demonstrated, demonstrations_seed, load_demonstrations, part_name
 from tstar_rl.config.load import recipe
 from tstar_rl.demonstrations.formats import (
     Recording,
@@ -71,8 +71,7 @@ def main(config: DictConfig) -> None:
 def _name(config: DictConfig) -> str:
     """Of the demonstrations: kind and seed. Of a checkpoint: the folders between the task's and its own."""
     if config.path is None:
-        seed = config.seed if config.demonstrations.seed is None else config.demonstrations.seed
-        return f"{config.demonstrations.kind}_seed{seed}"
+        return f"{config.demonstrations.kind}_seed{demonstrations_seed(config)}"
     parts = Path(config.path).resolve().parts
     after = parts[parts.index(config.task.name) + 1 :] if config.task.name in parts else parts[-1:]
     return "_".join(part for part in after if not part.startswith("subtask"))

@@ -10,7 +10,7 @@ from omegaconf import DictConfig
 from tqdm import tqdm
 
 from tstar_rl.config.build import environment
-from tstar_rl.config.demonstrations import check_made, demonstrated, demonstrations_path
+from tstar_rl.config.demonstrations import check_made, demonstrated, demonstrations_path, demonstrations_seed
 from tstar_rl.config.load import recipe
 from tstar_rl.demonstrations.collect import collect
 from tstar_rl.demonstrations.file_check import KINDS
@@ -28,7 +28,7 @@ def main(config: DictConfig) -> None:
                 check_made(config, subtask, kind)
                 continue
             part = config.task.subtasks if subtask is None else subtask
-            own = config.seed if config.demonstrations.seed is None else config.demonstrations.seed
+            own = demonstrations_seed(config)
             seed = derive_seed(own, "demonstrate", part, KINDS.index(kind))
             with tqdm(desc=path.stem, unit=" steps", disable=not config.progress_bar) as bar:
                 found = collect(

@@ -1,5 +1,7 @@
 """A declared experiment: its arms and steps, what waits for another arm, and what is published of it."""
 
+from dataclasses import replace
+
 import pandas as pd
 import pytest
 import yaml
@@ -76,7 +78,8 @@ def test_demonstrations_may_lie_elsewhere():
     wide = {"name": "no_finetuning_wide", "recipe": "no_finetuning", "skill_overrides": ["env.arm_noise=0.8"]}
     experiment = parse_experiment({**SMALL, "arms": [wide]})
     usual, elsewhere = (
-        [step for _, step in experiment.steps_by_commit(1, 7, None, place)] for place in (None, "/disk")
+        [step for _, step in replace(experiment, demonstrations_dir=place).steps_by_commit(1, 7)]
+        for place in (None, "/disk")
     )
     assert "demonstrations_dir=/disk/no_finetuning_wide" in elsewhere[0]
     assert [[value.replace("/disk", "demonstrations/small") for value in step] for step in elsewhere] == [

@@ -15,7 +15,14 @@ from tstar_rl.runs.mismatch import differences
 if TYPE_CHECKING:
     from tstar_rl.demonstrations.data_set import Demonstrations
 
-__all__ = ["check_made", "demonstrated", "demonstrations_path", "load_demonstrations", "part_name"]
+__all__ = [
+    "check_made",
+    "demonstrated",
+    "demonstrations_path",
+    "demonstrations_seed",
+    "load_demonstrations",
+    "part_name",
+]
 
 ANY_VALUE = ("max_steps",)
 """Settings that are not compared: an episode that succeeded would have succeeded with any later end."""
@@ -34,9 +41,14 @@ def demonstrations_path(config: DictConfig, subtask: int | None, kind: str) -> P
     """
     if kind not in KINDS:
         raise InvalidValueError(f"kind of demonstrations must be one of {', '.join(KINDS)}; got {kind!r}")
-    seed = config.seed if config.demonstrations.seed is None else config.demonstrations.seed
+    seed = demonstrations_seed(config)
     folder = Path(config.demonstrations_dir) / config.task.name / f"seed{seed}"
     return folder / f"{part_name(subtask)}_{kind}.npz"
+
+
+def demonstrations_seed(config: DictConfig) -> int:
+    """The seed that the demonstrations were made with: demonstrations.seed, or the run's."""
+    return config.seed if config.demonstrations.seed is None else config.demonstrations.seed
 
 
 def demonstrated(config: DictConfig) -> Sequence[int | None]:
@@ -83,7 +95,7 @@ def load_demonstrations(config: DictConfig, subtask: int | None) -> "Demonstrati
 def _made_by(config: DictConfig, subtask: int | None) -> str:
     """What a message says of demonstrations that are not there: the command that makes them."""
     part = "whole=true" if subtask is None else f"subtask={subtask}"
-    seed = config.seed if config.demonstrations.seed is None else config.demonstrations.seed
+    seed = demonstrations_seed(config)
     values = f"task={config.task.name} {part} seed={seed} kinds=[{config.demonstrations.kind}]"
     return (
         f"make them first (python recipes/make_demonstrations.py {values}, "

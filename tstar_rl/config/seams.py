@@ -1,7 +1,5 @@
 """From a config to a chain's skills and to simulations of one subtask that begin at a seam."""
 
-from pathlib import Path
-
 from omegaconf import DictConfig
 from torchrl.envs import TransformedEnv
 
@@ -10,14 +8,14 @@ from tstar_rl.chaining.skill import Skill
 from tstar_rl.config.build import environment
 from tstar_rl.config.chain import load_skills
 from tstar_rl.rollouts.state_sets import TerminationSet
-from tstar_rl.runs.run_folder import UNTRAINED, run_path
+from tstar_rl.runs.run_folder import is_untrained, run_path
 
 __all__ = ["chain_of", "env_at_seam"]
 
 
 def chain_of(config: DictConfig, system: str) -> list[Skill]:
     """The skills of a system at config.checkpoint, in order."""
-    if Path(system).name.startswith(UNTRAINED):  # as no_finetuning_<name>, of other skills
+    if is_untrained(system):
         return load_skills(config, config.checkpoint)
     run = run_path(config.runs_dir, config.task.name, system, config.seed)
     return [skill.to(config.device) for skill in load_chain(run / config.checkpoint, task=config.task.name)]

@@ -107,6 +107,8 @@ class DeclaredExperiment:
     """Whose code runs it; None: that of the checkout in which it is started."""
     seeds_by_task: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     """Of a task that has others than `seeds`. An arm with seeds of its own has those of them that its task has."""
+    demonstrations_dir: str | None = None
+    """Of the demonstrations that arms share, those of an arm's own below it; None: that of `shared`."""
 
     @property
     def every_seed(self) -> tuple[int, ...]:
@@ -156,24 +158,11 @@ class DeclaredExperiment:
         chosen = [arm for arm in self.arms if arm.seeds is None or seed in arm.seeds]
         return sorted(chosen, key=lambda arm: arm.bonus_of is not None)
 
-    def steps(
-        self,
-        subtasks: int,
-        seed: int,
-        only: Container[str] | None = None,
-        demonstrations: str | None = None,
-    ) -> list[Step]:
-        """What a seed's arms, or those named, need, each once: demonstrations, skills, then one arm after another.
-
-        Args:
-            subtasks: of the task.
-            seed: whose arms.
-            only: these; None: all.
-            demonstrations: the folder of those that arms share; None: that of `shared`.
-        """
+    def steps(self, subtasks: int, seed: int, only: Container[str] | None = None) -> list[Step]:
+        """What a seed's arms, or those named, need, each once: demonstrations, skills, then one arm after another."""
         arms = [arm for arm in self.arms_of(seed) if only is None or arm.name in only]
         sharing = [arm for arm in arms if arm.owner is None and not arm.whole]
-        made = demonstrations or f"demonstrations/{self.name}"
+        made = self.demonstrations_dir or f"demonstrations/{self.name}"
         steps: list[Step] = [("make_demonstrations", "whole=true")] if any(arm.whole for arm in arms) else []
         for one in (f"subtask={index}" for index in range(subtasks)):
             steps += [("make_demonstrations", one)] if sharing else []
@@ -185,13 +174,9 @@ class DeclaredExperiment:
         return [*steps, *(step for arm in arms for step in arm.steps(subtasks, made))]
 
     def steps_by_commit(
-        self,
-        subtasks: int,
-        seed: int,
-        only: Sequence[str] | None = None,
-        demonstrations: str | None = None,
+        self, subtasks: int, seed: int, only: Sequence[str] | None = None
     ) -> list[tuple[str | None, Step]]:
-        """`steps`, which takes the same, each with the commit whose code runs it.
+        """`steps`, each with the commit whose code runs it.
 
         What arms of two commits share stands there for both, and is made by the first.
         """
@@ -199,7 +184,7 @@ class DeclaredExperiment:
         steps = (
             (arm.commit or self.commit, step)
             for arm in arms
-            for step in self.steps(subtasks, seed, [arm.name], demonstrations)
+            for step in self.steps(subtasks, seed, [arm.name])
         )
         return list(dict.fromkeys(steps))  # each once, an arm still after that whose bonus it needs
 

@@ -22,7 +22,7 @@ from tstar_rl.config.values import plain
 from tstar_rl.launch.side_by_side import Step
 from tstar_rl.runs.mismatch import MACHINE_ONLY, CheckpointMismatchError, check_config, differences
 from tstar_rl.runs.run_config import read_config
-from tstar_rl.runs.run_folder import UNTRAINED, run_path
+from tstar_rl.runs.run_folder import is_untrained, run_path
 
 __all__ = [
     "check_chain",
@@ -137,12 +137,12 @@ def evaluated_runs(config: DictConfig) -> list[Path]:
     Raises:
         InvalidValueError: if one subtask of skills that are chained is asked for.
     """
-    if Path(config.system).name.startswith(UNTRAINED) and config.subtask is not None:
+    if is_untrained(config.system) and config.subtask is not None:
         raise InvalidValueError(
             f"system={config.system} is a chain, and has no subtask={config.subtask}: system={config.skills} "
             f"subtask={config.subtask} is the skill, chain.links takes the first skills of a chain"
         )
-    if not Path(config.system).name.startswith(UNTRAINED):
+    if not is_untrained(config.system):
         return [run_folder(config, "runs_dir")]
     skills = (config.runs_dir, config.task.name, config.skills, config.seed)
     return [run_path(*skills, index) for index in range(chain_length(config))]

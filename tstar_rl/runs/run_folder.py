@@ -11,6 +11,7 @@ __all__ = [
     "SAVED",
     "UNTRAINED",
     "Place",
+    "is_untrained",
     "made_by",
     "read_run_path",
     "run_path",
@@ -56,6 +57,11 @@ def read_run_path(path: Path) -> tuple[Place, Path]:
         raise InvalidValueError(f"a run lies at <task>/<recipe>/seed<k>[/subtask<i>], got {path}")
     task, system, seed, subtask, rest = found.groups()
     return Place(task, system, int(seed), None if subtask is None else int(subtask)), Path(rest or "")
+
+
+def is_untrained(system: str) -> bool:
+    """Whether a system is skills chained as they are: no_finetuning, or no_finetuning_<name> of other skills."""
+    return Path(system).name.startswith(UNTRAINED)
 
 
 def made_by(path: str | Path) -> str:
