@@ -224,7 +224,8 @@ def write(rows: Sequence[dict[str, Any]], path: Path) -> None:
     """Writes the rows in the place of those of the same measures, and prints the table."""
     columns = ["measure", "value", "unit", "ratio_to_bare"]
     table = append_rows(path, pd.DataFrame(rows, columns=columns).to_dict("records"), ("measure",))
-    print(table.to_string(index=False))
+    if not table.empty:
+        print(table.to_string(index=False))
 
 
 if __name__ == "__main__":

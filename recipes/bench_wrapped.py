@@ -4,14 +4,16 @@ import time
 from functools import partial
 
 import numpy as np
-from dm_control.mujoco import Physics
-from dm_control.mujoco.wrapper import MjModel
-from dm_control.rl import control
 from dm_env import specs
 from torchrl.envs import DMControlWrapper, ParallelEnv
 
+from tstar_envs.dm_physics import Physics  # dm_control's, and before the rest of it: it says how to draw
 from tstar_envs.furniture import load
 from tstar_envs.scene import SUBSTEPS, build_model
+
+# isort: split
+from dm_control.mujoco.wrapper import MjModel
+from dm_control.rl import control
 
 
 class BareTask(control.Task):
