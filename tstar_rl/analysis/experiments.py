@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from tstar_rl.analysis.statistics import improvement_interval, paired_difference, seed_means
 from tstar_rl.analysis.tables import (
+    config_of,
     episode_progress,
     is_one_commit,
     read_evaluations,
@@ -22,7 +23,6 @@ from tstar_rl.analysis.tables import (
     short_commit,
 )
 from tstar_rl.analysis.task_statistics import interquartile_interval
-from tstar_rl.runs.run_config import read_config
 from tstar_rl.runs.run_folder import run_path
 
 __all__ = [
@@ -215,7 +215,7 @@ def _own_success(
     skills = experiment.skills
     if skills.empty:
         return [], False
-    source = read_config(run_path(experiment.root, task, arm, seed)).get("skills", "gail_ppo")
+    source = config_of(run_path(experiment.root, task, arm, seed)).get("skills", "gail_ppo")
     skills = skills[(skills.task == task) & (skills.arm == source) & (skills.seed == seed)]
     skills = skills[(skills.checkpoint == "last") & (skills["mode"] == "deterministic")].sort_values(
         "subtask"

@@ -12,8 +12,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from tstar_rl.analysis.experiments import SEED, Experiment, TaskScores
+from tstar_rl.analysis.tables import config_of
 from tstar_rl.analysis.task_statistics import improvement_over_tasks, interquartile_interval
-from tstar_rl.runs.run_config import read_config
 from tstar_rl.runs.run_folder import run_path
 
 __all__ = [
@@ -126,7 +126,7 @@ def skills_of_tasks(experiment: Experiment, arm: str) -> dict[str, list[float]]:
         seeds = runs[runs["arm"] == arm]["seed"].tolist()
         if not seeds:
             continue
-        source = read_config(run_path(experiment.root, task, arm, seeds[0])).get("skills", "gail_ppo")
+        source = config_of(run_path(experiment.root, task, arm, seeds[0])).get("skills", "gail_ppo")
         if len(skills):
             skills = skills[(skills["task"] == task) & (skills["arm"] == source) & skills["seed"].isin(seeds)]
             skills = skills[(skills["checkpoint"] == "last") & (skills["mode"] == "deterministic")]

@@ -4,7 +4,10 @@ A folder of results holds <task>/<system>/seed<k>[/subtask<i>]/. What has no sub
 whole task; its subtask reads -1.
 """
 
+from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -16,6 +19,7 @@ from tstar_rl.runs.versions import DIRTY, UNKNOWN
 
 __all__ = [
     "commit_of",
+    "config_of",
     "episode_progress",
     "evaluation_table",
     "is_one_commit",
@@ -85,7 +89,7 @@ def _of_arms_own_skills(root: Path, name: str) -> list[Path]:
 
 def _read_one(file: Path, root: Path) -> pd.DataFrame:
     """The table of a run, with its task, recipe, seed and subtask."""
-    table, (place, _) = pd.read_csv(file), read_run_path(file.relative_to(root))
+    table, (place, _) = _parsed(file, _state(file)), read_run_path(file.relative_to(root))
     seeds = set(table.get("seed", ())) - {place.seed}
     if seeds:
         others = ", ".join(map(str, sorted(seeds)))
@@ -102,9 +106,32 @@ def commit_of(folder: Path) -> str:
     "-dirty" follows if the code differed from it. A run that went on, or was evaluated, at another one has both, in
     their order, with "+" between them.
     """
-    config = read_config(folder)
+    config = config_of(folder)
     noted = [config, *config.get("later", [])]
     return "+".join(dict.fromkeys(str(one.get("versions", {}).get("commit", UNKNOWN)) for one in noted))
+
+
+def config_of(folder: Path) -> Mapping[str, Any]:
+    """The values in a run's config.yaml, none where it has none: not to be changed, for it is read once."""
+    file = folder / "config.yaml"
+    return _values(folder, _state(file)) if file.is_file() else {}
+
+
+def _state(file: Path) -> tuple[int, ...]:
+    """What is another after a file was written again."""
+    known = file.stat()
+    return known.st_mtime_ns, known.st_size, known.st_ino
+
+
+@cache
+def _parsed(file: Path, state: tuple[int, ...]) -> pd.DataFrame:
+    """A file's table as long as it has this state: a page reads each of some thousand files several times."""
+    return pd.read_csv(file)
+
+
+@cache
+def _values(folder: Path, state: tuple[int, ...]) -> Mapping[str, Any]:
+    return read_config(folder)
 
 
 def is_one_commit(commit: str) -> bool:
