@@ -56,7 +56,7 @@ def section(root: Path) -> str:
 
 
 def add_skills(root: Path, successes: dict[str, list[list[float]]]) -> None:
-    """Skills of seeds 1 and 2 of each task: `successes` has a list for each seed."""
+    """Skills of seeds 1, 2, ... of each task: `successes` has a list for each seed."""
     for task, seeds in successes.items():
         for seed, skills in enumerate(seeds, start=1):
             for index, success in enumerate(skills):

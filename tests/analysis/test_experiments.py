@@ -158,6 +158,21 @@ def test_the_gap_is_of_the_arms_own_skills_where_they_were_tried(root):
     assert gaps.loc[("buffer", 0), "gap"] == pytest.approx(0.225)
 
 
+def test_the_best_of_chains_as_they_are_have_the_product_of_the_best_skills(root):
+    write(root, "no_finetuning", 0, [1.0, 0.5])
+    for subtask in (0, 1):
+        file = root / "table" / "skills" / "seed0" / f"subtask{subtask}" / "evaluation.csv"
+        last = pd.read_csv(file)
+        pd.concat([last, last.assign(checkpoint="best", success=0.5)]).to_csv(file, index=False)
+    found = {
+        checkpoint: hand_over_gaps(read_experiment(root), "table", checkpoint).set_index(["arm", "seed"])
+        for checkpoint in ("last", "best")
+    }
+    assert found["last"].loc[("no_finetuning", 0), "product"] == pytest.approx(0.975)
+    assert found["best"].loc[("no_finetuning", 0), "product"] == pytest.approx((0.5 + 0.25) / 2)
+    assert found["best"].loc[("tstar", 0), "product"] == pytest.approx(0.975)  # it began with the last ones
+
+
 def test_the_gap_of_an_arm_with_skills_of_its_own_is_of_these(root):
     write(root, "wider", 0, [0.5, 0.5], skills="wider/skills")
     write_skills(root, 0, [0.5, 0.5], "wider/skills")
@@ -233,6 +248,10 @@ def test_a_difference_has_a_dot_for_every_seed(root):
     (axes,) = differences_figure(rows, PAIRS).axes
     (dots,) = [line.get_xdata() for line in axes.lines if line.get_marker() == "o"]
     np.testing.assert_allclose(dots, [0.2, 0.25])
+    half = 12.706 * 0.05 / 2  # Student's, as above; the bootstrap's interval lies within it
+    ends = [bar.get_segments()[0][:, 0] for bar in axes.collections]
+    np.testing.assert_allclose(ends[0], [0.225 - half, 0.225 + half], atol=1e-3)
+    assert ends[0][0] < ends[1][0] < 0.225 < ends[1][1] < ends[0][1]
 
 
 def test_a_figure_is_the_same_file_again(root, tmp_path):

@@ -25,6 +25,14 @@ def test_an_interval_of_a_share_is_as_wide_as_the_binomial_says():
     assert chain_interval(episodes, rng(), 20_000).low == pytest.approx(found.low, abs=0.003)
 
 
+def test_an_interval_of_a_product_is_around_it():
+    found = product_interval([80, 50, 50], 100, rng())
+    assert found.value == pytest.approx((0.8 + 0.4 + 0.2) / 3) and found.low < found.value < found.high
+    # The deviation: of .8 by .04 x (1 + .5 + .25) / 3, of either .5 by .05 x (.8 + .4) / 3 and .05 x .4 / 3.
+    deviation = np.sqrt((0.04 * 1.75 / 3) ** 2 + (0.05 * 1.2 / 3) ** 2 + (0.05 * 0.4 / 3) ** 2)
+    assert (found.high - found.low) / 2 == pytest.approx(1.96 * deviation, rel=0.05)
+
+
 def test_a_gap_is_as_unsure_as_both_of_its_sides():
     """Deviations .02 and .03 of 400 and 250 episodes make .036."""
     chain = np.repeat([0.0, 1.0], [86, 164])

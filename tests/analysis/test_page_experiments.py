@@ -59,6 +59,16 @@ def test_a_family_of_comparisons_is_corrected_for_all_of_it(published):
     with pytest.raises(ValueError, match=r"families of odd have \[\('tstar', 'mine'\)\], not in its pairs"):
         read_contents(published)
     pairs.append(["tstar", "mine"])
+    asked = {"asks": "Better?", "pairs": [["tstar", "buffer_no_gate"]], "seeds": 2, "improvement": 0.95}
+    contents(published, [{**odd, "questions": [asked]}, {"folder": "plain", "kind": "paper"}], {})
+    with pytest.raises(
+        ValueError, match=r"improvement ask for \[\('tstar', 'buffer_no_gate'\)\], which no family"
+    ):
+        read_contents(published)
+    twice = {**odd, "families": [[["tstar", "buffer"]]] * 2}
+    contents(published, [twice, {"folder": "plain", "kind": "paper"}], {})
+    with pytest.raises(ValueError, match=r"families of odd share \[\('tstar', 'buffer'\)\]"):
+        read_contents(published)
     contents(published, [odd, {"folder": "plain", "kind": "paper"}], {})
     page = results_page(published, THEIRS, "")
     # Differences .25 and .125: t = 3 with one degree of freedom has p = .2048; twice that, for the pair not run counts.

@@ -13,7 +13,8 @@ def test_a_task_whose_skills_are_not_good_enough_is_named_and_left_out(tmp_path)
     third = {"third": RUNS["long"]}
     root = write_shelf(tmp_path, {**RUNS, **third})
     good = [[1.0, 0.9], [1.0, 1.0]]  # .95 on average, which is enough
-    add_skills(root, {"long": good, "third": good, "short": [[1.0, 0.95], [1.0, 0.89]]})
+    unused = [0.0, 0.0]  # of a third seed, which no arm has
+    add_skills(root, {"long": [*good, unused], "third": good, "short": [[1.0, 0.95], [1.0, 0.89]]})
     experiment = read_experiment(root / "shelf")
     assert skills_of_tasks(experiment, "base") == {
         "long": pytest.approx([1.0, 0.95]),

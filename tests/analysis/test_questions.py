@@ -32,6 +32,8 @@ def said(*rows: dict, pairs=(("a", "b"),), **rule) -> str:
         # the margin .03 away. With t(.975) + t(.80): (2.048 + .855) x .0559 / sqrt(29) = .0301, of 30 seeds
         # (2.045 + .854) x .0559 / sqrt(30) = .0296.
         (compared(difference=0.02, half=0.04, high=0.03), "not decided; 30 seeds probably would"),
+        # The other way round: (2.048 + .855) x .0280 / sqrt(29) is .015 already, so one seed more than there are.
+        (compared(difference=0.02, half=0.02, high=0.06), "not decided; 11 seeds probably would"),
         # Student's interval leaves out 0 already, the bootstrap's does not: more seeds than there are, if any.
         (
             compared(half=0.01, low=-0.01, high=0.2, verdict="no clear difference"),
@@ -57,6 +59,11 @@ def test_every_pair_must_be_higher():
     pairs = (("a", "b"), ("a", "c"))
     assert said(compared(), compared(second="c"), pairs=pairs) == "yes"
     assert said(compared(), compared(second="c", half=0.2), pairs=pairs) == "not shown"
+    assert said(compared(), compared(second="c", seeds=9), pairs=pairs) == "being measured: 9 of 10 seeds"
+    assert said(compared(), compared(second="c", difference=-0.1), pairs=pairs) == "not shown"
+    better = {"pairs": pairs, "improvement": 0.95}
+    assert said(compared(), compared(second="c"), **better) == "yes"
+    assert said(compared(), compared(second="c", improvement=0.9), **better) == "not shown"
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,13 @@ def alone(tmp_path):
     """Three seeds of BC and one of another policy, and a curve of two rollouts."""
     for seed, progress in ((7, 0.0), (8, 0.25), (9, 0.5)):
         write(tmp_path, "alone", "bc", seed, progress)
+        file = tmp_path / "alone" / "table" / "bc" / f"seed{seed}" / "evaluation.csv"
+        last = pd.read_csv(file).query("checkpoint == 'last'")
+        others = [
+            last.assign(checkpoint="best", progress=0.75),
+            last.assign(mode="stochastic", progress=0.625),
+        ]
+        pd.concat([last, *others]).to_csv(file, index=False)
     write(tmp_path, "alone", "ppo", 7, 1.0)
     rows = [{"env_steps": 10, "episodes": 0, "phase": 1.0}, {"env_steps": 20, "episodes": 2, "phase": 3.0}]
     rows[1]["completed"] = 1.0
@@ -35,7 +42,7 @@ def test_each_seed_has_its_interval_and_the_mean_has_students(alone):
     seeds = "7: 0.000 [0.000, 0.019]; 8: 0.250 [0.20, 0.31]; 9: 0.500 [0.43, 0.57]"
     assert f"| BC | 0.03 +- 0.00 | {seeds} | 0.250 +- 0.621 |" in page
     assert "| ppo | - | 7: 1.000 [0.981, 1.000] | 1.000 |" in page
-    assert f"| BC | {seeds} | - | 0.250 +- 0.621 | 0.50M |" in page
+    assert f"| BC | {seeds} | 0.625 +- 0.000 | 0.750 +- 0.000 | 0.50M |" in page
 
 
 def test_nothing_is_compared_over_tasks(alone):

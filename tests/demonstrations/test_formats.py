@@ -106,6 +106,8 @@ def test_failures_and_cut_episodes_are_played_again_too(recording, tmp_path):
     assert [len(one) for one in failed.episodes] == [5, 5] and failed.successes.episodes == []
     found = read_hdf5(write_hdf5(failed, tmp_path / "failed.hdf5"))
     assert found.episodes[0].truncated.tolist() == [False] * 4 + [True]
+    with h5py.File(tmp_path / "failed.hdf5") as file:
+        assert file["data/demo_0/dones"][:].tolist() == [0] * 4 + [1]
     assert not_reproduced(make(max_steps=5), found) == {}
     first = recording.episodes[0]
     cut = {
@@ -185,6 +187,14 @@ def test_minari_reads_it(recording, dataset):
         assert np.array_equal(other.infos["success"][1:], one.success)
         assert np.array_equal(other.infos["expert_action"][:-1], one.labels)
     assert dataset.storage.metadata["model_xml"].startswith("<mujoco")
+
+
+def test_minari_reads_that_the_time_limit_cut_an_episode(tmp_path, monkeypatch):
+    minari = pytest.importorskip("minari")
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
+    write_minari(scripted(max_steps=5), "tstar/cut-v0", tmp_path)
+    episode = minari.load_dataset("tstar/cut-v0")[0]
+    assert episode.truncations.tolist() == [False] * 4 + [True] and not episode.terminations.any()
 
 
 def test_its_own_environment_replays_a_minari_episode_to_the_bit(dataset):

@@ -43,6 +43,15 @@ def test_a_time_limit_truncates_with_discount_one():
     assert steps[3].discount == 1.0 and not env.success
 
 
+def test_a_success_ends_an_episode_with_discount_zero():
+    env = load_dm(TASK, subtask=0, seed=0)
+    expert, step = env.world.expert(), env.reset()
+    while not step.last():
+        assert step.discount in (None, 1.0)
+        step = env.step(expert.act(env.world.state).squeeze(0).numpy())
+    assert env.success and step.discount == 0.0
+
+
 def test_the_same_seed_gives_the_same_episode():
     actions = np.random.default_rng(0).uniform(-1, 1, (5, 9))
     runs = [

@@ -23,7 +23,7 @@ from tstar_rl.analysis.tables import (
     short_commit,
 )
 from tstar_rl.analysis.task_statistics import interquartile_interval
-from tstar_rl.runs.run_folder import run_path
+from tstar_rl.runs.run_folder import is_untrained, run_path
 
 __all__ = [
     "Experiment",
@@ -217,9 +217,10 @@ def _own_success(
         return [], False
     source = config_of(run_path(experiment.root, task, arm, seed)).get("skills", "gail_ppo")
     skills = skills[(skills.task == task) & (skills.arm == source) & (skills.seed == seed)]
-    skills = skills[(skills.checkpoint == "last") & (skills["mode"] == "deterministic")].sort_values(
-        "subtask"
-    )
+    kept = (
+        checkpoint if is_untrained(arm) else "last"
+    )  # a chain as it is has its skills' best; training begins with last
+    skills = skills[(skills.checkpoint == kept) & (skills["mode"] == "deterministic")].sort_values("subtask")
     complete = skills["subtask"].tolist() == list(range(_chained(experiment, task, arm, seed)))
     return (skills["success"].tolist() if complete else []), False
 

@@ -120,15 +120,16 @@ def _answer(row: pd.Series, margin: float, interval: str) -> str:
     if high < margin:
         worse = high < NO_DIFFERENCE and needed is not None and behind >= needed
         return "no: it does worse" if worse else "no, or not by much"
-    if low > NO_DIFFERENCE:
+    higher = low > NO_DIFFERENCE
+    said, rooms = "not decided", [(high - value, margin - value)]
+    if higher:
         asked = "no number of tasks suffices" if needed is None else f"{needed} are asked"
-        return f"not decided; ahead on {ahead} of {tasks} tasks, where {asked}"
-    times = [
-        (POWERED * half / room) ** 2
-        for half, room in ((value - low, value - NO_DIFFERENCE), (high - value, margin - value))
-        if room > 0
-    ]
-    return f"not decided; {math.ceil(10 * min(times)) / 10:g} times as many seeds probably would"
+        said += f"; ahead on {ahead} of {tasks} tasks, where {asked}"
+    else:
+        rooms.append((value - low, value - NO_DIFFERENCE))
+    times = [(POWERED * half / room) ** 2 for half, room in rooms if room > 0]
+    enough = f"; {math.ceil(10 * min(times)) / 10:g} times as many seeds probably would" if times else ""
+    return said + enough
 
 
 def _wins_needed(tasks: int) -> int | None:

@@ -40,20 +40,26 @@ def arm_dots(place: int) -> dict[str, Any]:
     return {"color": COLOURS[place % len(COLOURS)], "marker": MARKERS[place % len(MARKERS)]}
 
 
-def draw_profile(axes: Axes, place: int, profile: Sequence[NDArray[np.float64]]) -> None:
+def draw_profile(
+    axes: Axes,
+    place: int,
+    profile: Sequence[NDArray[np.float64]],
+    thresholds: NDArray[np.float64] = THRESHOLDS,
+) -> None:
     """A performance profile in the line of an arm.
 
     Args:
         axes: where.
         place: of the arm.
-        profile: share of runs above each of `THRESHOLDS`, and, where they are drawn, the lower and the upper end of its
-            band, each (101,).
+        profile: share of runs above each threshold, and, where they are drawn, the lower and the upper end of its
+            band, each (thresholds,).
+        thresholds: values of progress.
     """
     share, *band = profile
-    axes.step(THRESHOLDS, share, where="post", **arm_line(place))
+    axes.step(thresholds, share, where="post", **arm_line(place))
     if band:
         colour = arm_line(place)["color"]
-        axes.fill_between(THRESHOLDS, *band, step="post", color=colour, alpha=0.1, linewidth=0)
+        axes.fill_between(thresholds, *band, step="post", color=colour, alpha=0.1, linewidth=0)
 
 
 def arm_legend(axes: Axes) -> None:

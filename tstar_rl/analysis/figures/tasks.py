@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from tstar_rl.analysis.experiments import SEED, TaskScores
-from tstar_rl.analysis.figures.panels import MARKERS, THRESHOLDS, arm_line, draw_profile, panels, readable
+from tstar_rl.analysis.figures.panels import MARKERS, arm_line, draw_profile, panels, readable
 from tstar_rl.analysis.over_tasks import arms_with
 from tstar_rl.analysis.task_statistics import interquartile_interval, profile_over_tasks
 
@@ -21,6 +21,8 @@ INTERVAL = 0.36
 TICKS = (0, 0.5, 0.8, 0.9, 0.95, 0.98, 1)
 BEYOND = 1.01
 """Where the stretched axis would end: progress 1 has to have a place on it."""
+THRESHOLDS = BEYOND - np.geomspace(BEYOND, BEYOND - 1, 301)
+"""Of a performance profile: values of progress, 0 to 1, as far apart as the stretched axis shows them."""
 
 
 def _runs(axes: Axes, scores: TaskScores, tasks: Sequence[str], arms: Sequence[str]) -> None:
@@ -46,7 +48,8 @@ def _runs(axes: Axes, scores: TaskScores, tasks: Sequence[str], arms: Sequence[s
 def _profiles(axes: Axes, scores: TaskScores, tasks: Sequence[str], arms: Sequence[str]) -> None:
     for place, arm in enumerate(arms):
         strata = [list(scores[task][arm].values()) for task in tasks]
-        draw_profile(axes, place, profile_over_tasks(strata, THRESHOLDS, np.random.default_rng(SEED)))
+        profile = profile_over_tasks(strata, THRESHOLDS, np.random.default_rng(SEED))
+        draw_profile(axes, place, profile, THRESHOLDS)
     axes.set(xlabel="progress above", ylabel="share of runs, mean over tasks", ylim=(-0.02, 1.02))
     _stretch(axes)
 

@@ -137,6 +137,7 @@ def _entry(root: Path, one: dict) -> Entry:
         unknown = sorted({pair for named in each for pair in named} - set(pairs))
         if unknown:
             raise ValueError(f"{root / FILE}: {name} of {one['folder']} have {unknown}, not in its pairs")
+    _check_families(root, one["folder"], families, questions)
     values = {
         **one,
         "folder": root / one["folder"],
@@ -158,6 +159,24 @@ def _entry(root: Path, one: dict) -> Entry:
     if not (entry.folder / "README.md").is_file():
         raise FileNotFoundError(f"{entry.folder / 'README.md'} gives an experiment's title, and is not there")
     return entry
+
+
+def _check_families(
+    root: Path, folder: str, families: Sequence[Sequence[tuple[str, str]]], questions: Sequence[Question]
+) -> None:
+    """A question with an improvement needs a corrected p-value, so each of its pairs must be in one family."""
+    corrected = [pair for family in families for pair in family]
+    twice = sorted({pair for pair in corrected if corrected.count(pair) > 1})
+    if twice:
+        raise ValueError(
+            f"{root / FILE}: families of {folder} share {twice}; a pair is corrected in one family"
+        )
+    asked = {pair for question in questions if question.improvement is not None for pair in question.pairs}
+    if asked - set(corrected):
+        raise ValueError(
+            f"{root / FILE}: questions of {folder} with an improvement ask for {sorted(asked - set(corrected))}, "
+            "which no family of its families has"
+        )
 
 
 def _question(root: Path, asked: dict, kind: type[_Asked]) -> _Asked:

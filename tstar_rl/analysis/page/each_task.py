@@ -23,7 +23,7 @@ def each_task(experiment: Experiment, paper: Paper, entry: Entry) -> str:
     skills = skills_of_tasks(experiment, before)
     for task in experiment.tasks:
         rows, gaps = experiment.chosen(task), hand_over_gaps(experiment, task)
-        gap = gaps[gaps["arm"] == before]["gap"]
+        gap = gaps[(gaps["arm"] == before) & ~gaps["arm"].isin(entry.no_gap)]["gap"]
         cells = [_mean(rows[rows["arm"] == arm]["progress"]) for arm in arms]
         alone = " ".join(f"{success:.2f}" for success in skills.get(task, ())) or NOTHING
         lines.append([f"`{task}`", alone, _seeds(rows), *cells, _mean(gap)])

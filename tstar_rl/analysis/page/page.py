@@ -36,7 +36,8 @@ a single policy the one with the highest running mean of subtasks completed in t
 checkpoint.
 
 *Progress [95%]* and *success [95%]* are interquartile means over seeds (with fewer than four seeds: means). The
-interval is a bootstrap over seeds, and over episodes within seeds. With fewer than some ten seeds it is too narrow. So
+interval is a bootstrap over seeds, and over episodes within seeds. With fewer than some ten seeds it is too narrow, and
+that of one seed is of its episodes alone. So
 a *difference* between two arms, paired by seed, has Student's t beside it, and is called higher or lower only where
 both exclude zero. *Won* is on how many seeds the first arm has more. *Probability of improvement* is how often any seed
 of the first arm beats any seed of the second, whether or not it is the same seed, a tie counting half; so it also
@@ -47,8 +48,9 @@ probability of improvement, that stands behind it, with the p-value corrected fo
 
 *Product of its skills* is the progress of a chain whose skills succeed as often from where the one before ends as from
 their own starts. The *hand-over gap* is that product minus what the chain does: what better hand-overs alone can mend.
-Both are plain means over seeds, while progress beside them is an interquartile mean, so they need not add up. An arm
-whose skills have wider starts alone than in the chain has neither: its product is no bound.
+Both are plain means over seeds, while progress beside them is an interquartile mean, so they need not add up. Alone,
+many skills start from parts that were jittered as in training, which can be harder than what the skill before leaves:
+then the gap is negative, and the product no bound. Arms whose skills have other starts alone than these have neither.
 
 Answers to questions: *yes* and *no* follow the rule that was declared. *Not shown*: a rule that asks for much was not
 met. *Not decided*: neither a gain nor its absence can be told. *N seeds probably would*: with N seeds the interval
