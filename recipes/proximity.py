@@ -5,7 +5,8 @@
 P is 1 in the last state of an episode that was handed over well, decay^k in the k-th state before, 0 in all states of
 one that was not. It learns from the trials of the chain, whose episodes alone show what the next skill made of their
 end, and from their last chain.path_steps states: before these it is not learned. A step is paid P(s') - P(s), the last
-one of a success P(s') more. Control: `policy_sequencing.py` on the same starts.
+one of a success P(s') more; nothing while there is no trial to learn from. Control: `policy_sequencing.py` on the same
+starts.
 """
 
 from omegaconf import DictConfig
@@ -31,7 +32,9 @@ def main(config: DictConfig) -> None:
         if following:
             update_p = turn.labelled_update("proximity", following, rl.squared_error_loss, learning)
             p = turn.signal("proximity", rl.ProximityReward(following.network("proximity")))
-        reward = rl.weighted(mixture, {"gail": rl.GAILReward(turn.skill.f_phi), "proximity": p})
+        gail = rl.GAILReward(turn.skill.f_phi)
+        reward = rl.weighted(mixture, {"gail": gail, "proximity": None})
+        reward_with_p = rl.weighted(mixture, {"gail": gail, "proximity": p})
 
         for rollout in turn.rollouts():
             turn.skill.termination_set.extend_from(turn.chained(rollout))
@@ -39,6 +42,7 @@ def main(config: DictConfig) -> None:
             if following:
                 states = following.approaches
                 log |= update_p(states.observations(), states.proximities(config.decay))
+                reward = reward_with_p if update_p.has_learned else reward
             log |= update_policy(reward(rollout), turn.progress)
             turn.log(rollout, log)
 

@@ -54,6 +54,30 @@ def test_a_success_is_paid_what_the_next_skill_says_of_the_state_that_was_reache
     assert table[table.skill == NUM_SKILLS - 1].d_omega_initiation_score.isna().all()
 
 
+def test_what_is_scored_is_what_terminal_reward_says(point_chain, monkeypatch):
+    """The state before the last action, in the place of the one that was reached."""
+    seen = []
+    log = Turn.log
+
+    def check(turn, rollout, row):
+        if turn.following is not None:
+            said = turn.following.d_omega(rollout["observation"]).clamp(0, 1) * rollout["next", "success"]
+            torch.testing.assert_close(rollout["next", "reward_tsr"], said)
+            seen.append(float(said.detach().sum()))
+        log(turn, rollout, row)
+
+    monkeypatch.setattr(Turn, "log", check)
+    point_chain("tstar", *SHORT, "chain.links=2", "terminal_reward.score=before")
+    assert seen and all(seen)
+
+
+def test_a_constant_bonus_is_paid_to_every_success_but_the_last_skills(point_chain):
+    table = point_chain("policy_sequencing", *SHORT, "bonus=0.4")
+    first, last = (table[(table.skill == NUM_SKILLS - 1) == is_last] for is_last in (False, True))
+    assert first.tsr_on_success.tolist() == pytest.approx([0.4] * len(first)) and len(first)
+    assert "tsr_on_success" not in last.dropna(axis=1) and (last.success_rate > 0).all()
+
+
 def test_t_star_makes_the_first_skill_end_where_the_second_can_start(point_chain, tmp_path):
     """Skill 0 succeeds at any y. Paid by d_omega it moves to y > 0 first; without it nothing tells it to."""
     moved = {}

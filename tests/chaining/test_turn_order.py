@@ -59,6 +59,24 @@ def test_the_order_goes_on_from_its_state():
     assert resumed.skill_of(1) == order.skill_of(1) == 2
 
 
+def test_after_a_turn_that_was_put_back_costs_are_those_of_the_chain_that_is_kept(
+    spoiled_turns, point_chain, monkeypatch
+):
+    """The chain that was tried walks backwards, and all of its failures are skill 0's."""
+    noted = []
+    note = TurnOrder.note
+
+    def watched(order, kept, *more, **named):
+        if kept is not None:
+            noted.append([kept.cost(skill) for skill in range(2)])
+        note(order, kept, *more, **named)
+
+    monkeypatch.setattr(TurnOrder, "note", watched)
+    table = point_chain("tstar", "chain.gate=true", "chain.order=costliest", "chain.links=2")
+    assert table.accepted.dropna().tolist() == [0, 0] and len(noted) > 1
+    assert all(first == 0 < second for first, second in noted)
+
+
 def test_the_costliest_skill_has_the_turn(point_chain):
     """On the point skill 0 always succeeds and skill 1 fails half of the time; whoever gets past it succeeds."""
     table = point_chain("tstar", "chain.order=costliest", "chain.rounds=1", "chain.steps_per_turn=512")

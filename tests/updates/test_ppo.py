@@ -166,6 +166,21 @@ def test_returns_so_far_are_those_of_episodes_that_run_on():
     assert update.carried.tolist() == [[2.5], [1.0]]
 
 
+@pytest.mark.parametrize(("normalized", "expected"), [(True, [1.0, 3.0]), (False, [2.0, 6.0])])
+def test_the_critic_learns_rewards_divided_by_the_deviation_of_returns(normalized, expected):
+    """Two episodes of one step, which end: returns are the rewards 2 and 6, their deviation is 2."""
+    skill = small_skill()
+    settings = PPOSettings(normalize_returns=normalized)
+    update = PolicyUpdate(skill.policy, skill.value, settings, skill.return_scale)
+    yes = torch.ones(2, 1, 1, dtype=torch.bool)
+    step = {"observation": torch.randn(2, 1, 72), "reward": torch.tensor([2.0, 6.0]).reshape(2, 1, 1)}
+    rollout = TensorDict(
+        {"observation": torch.randn(2, 1, 72), "next": {**step, "done": yes, "terminated": yes}}, [2, 1]
+    )
+    rollout.update({"action": torch.zeros(2, 1, 9), "action_log_prob": torch.zeros(2, 1)})
+    assert update._with_advantage(rollout)["value_target"].flatten().tolist() == pytest.approx(expected)
+
+
 def test_values_of_next_states_are_looked_at_once_and_right():
     """As TorchRL's GAE on both states of every step, where episodes end and are truncated in the middle."""
     torch.manual_seed(0)

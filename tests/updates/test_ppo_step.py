@@ -38,3 +38,21 @@ def test_the_gradients_of_actor_and_critic_are_each_clipped_to_the_norm():
         for parameters in (update.actor_parameters, update.critic_parameters):
             norm = torch.nn.utils.get_total_norm([each.grad for each in parameters if each.grad is not None])
             assert float(norm) == pytest.approx(limit, rel=1e-3)
+
+
+def gradients(parameters) -> torch.Tensor:
+    return torch.cat([each.grad.flatten() for each in parameters if each.grad is not None])
+
+
+def test_advantages_are_divided_by_their_deviation_in_a_minibatch():
+    moved = [one_step(PPOSettings(max_grad_norm=1e9), size)[0] for size in (1.0, 10.0)]
+    first, second = (gradients(update.actor_parameters) for update in moved)
+    assert first.abs().max() > 0
+    torch.testing.assert_close(first, second)
+
+
+def test_the_critics_loss_has_its_coefficient():
+    settings = [PPOSettings(max_grad_norm=1e9, critic_coeff=share) for share in (0.5, 1.0)]
+    half, whole = (gradients(one_step(each, 1.0)[0].critic_parameters) for each in settings)
+    assert half.abs().max() > 0
+    torch.testing.assert_close(2 * half, whole)

@@ -154,7 +154,7 @@ class TurnUpdates(Training):
         Raises:
             InvalidValueError: for another share. For one that is not 0: if a gate judges the turn, or if a skill can
                 have more turns than one.
-            RuntimeError: if the expert fails too often from there.
+            DemonstrationError: if the expert fails too often from there.
 
         Source: Ross et al. 2011, DAgger: demonstrations from the states that the learner gets into.
         """
