@@ -9,6 +9,7 @@ from typing import Any
 from omegaconf import DictConfig, OmegaConf
 from torch import Tensor
 
+from tstar_rl.checks import need_extra
 from tstar_rl.config.build import environment
 from tstar_rl.config.load import recipe
 from tstar_rl.rollouts.episodes import run_episodes
@@ -22,6 +23,7 @@ HORIZONS = (1, 10, 20, 40, 60)
 @recipe("parity", episodes=int, compared=int)
 def main(config: DictConfig) -> None:
     """Compares each subtask and the whole task, or what is asked for; adds a row of each to parity.csv."""
+    need_extra("mujoco_warp", "gpu", "parity.py")
     asked = [*range(config.task.subtasks), None] if config.subtask is None else [config.subtask]
     for subtask in asked:
         row = {

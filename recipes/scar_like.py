@@ -4,8 +4,8 @@
 
 After what is known of SCaR (Chen et al. 2024), whose text and code were not at hand: this is not SCaR. One
 discriminator a skill tells initiation sets (1) from termination sets (0) at the seam with the skill before and at that
-with the next skill, each with weight .5. It pays the skill's successes. Control: `tstar.py`: the second seam alone. Being
-the skill's own, it reads states through this skill's normaliser; d_omega reads them through the next skill's.
+with the next skill, each with weight .5. It pays the skill's successes. Control: `tstar.py`: the second seam alone,
+whose d_omega is the next skill's and reads states through its normaliser; this one is the skill's own.
 """
 
 from omegaconf import DictConfig

@@ -132,3 +132,30 @@ def test_a_chain_needs_its_skills_in_order():
 def test_features_need_their_geometry():
     with pytest.raises(ValueError, match="no geometry"):
         Skill("table_lack", 0, NetworkSettings(features=True))
+
+
+def test_a_chain_that_lies_nearby_is_named(chain, tmp_path):
+    """The folder of a run, that of a chain in the place of a skill, and the other way round."""
+    place = chain.parent
+    with pytest.raises(FileNotFoundError, match=f"no chain at {place}: there is one at {chain}$"):
+        load_chain(place)
+    with pytest.raises(FileNotFoundError, match=r"skill0, which is one skill: Skill.load reads it"):
+        load_chain(chain / "skill0")
+    with pytest.raises(
+        FileNotFoundError, match=f"no checkpoint at {chain}: there is one at {chain / 'skill0'}$"
+    ):
+        Skill.load(chain)
+    assert [skill.subtask for skill in load_chain(str(chain))] == [
+        skill.subtask for skill in load_chain(chain)
+    ]
+
+
+def test_a_chain_policy_is_made_of_skills_and_acts_on_its_own_piece():
+    with pytest.raises(ValueError, match=r"made of skills, as load_chain\(path\) gives them; got 'runs/x'"):
+        ChainPolicy("runs/x")  # pyright: ignore[reportArgumentType]
+    policy = ChainPolicy([Skill("table_lack", index, SMALL) for index in range(2)])
+    state = TensorDict(
+        {"observation": torch.zeros(1, 58), "subtask": torch.zeros(1, 1, dtype=torch.int64)}, [1]
+    )
+    with pytest.raises(ValueError, match="of table_lack, whose observations have 72 numbers; got 58"):
+        policy(state)

@@ -158,7 +158,7 @@ def test_an_environment_that_is_not_there_is_named(path, said, message):
         ("success", 2, "has attribute success 2, should be true or false"),
         ("success", 0.5, r"has attribute success 0\.5, should be true or false"),
         ("success", np.array([True]), r"has attribute success array\(\[ True\]\), should be"),
-        ("success", 0, "did not succeed"),
+        ("success", 0, "did not succeed; leave it out of the file, or name a list below mask"),
         ("num_samples", 2.5, r"has attribute num_samples 2\.5, should be a whole number"),
         ("num_samples", "2", "has attribute num_samples '2', should be a whole number"),
         ("seed", float("nan"), "has attribute seed nan, should be a whole number"),

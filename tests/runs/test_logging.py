@@ -14,8 +14,8 @@ from saved_run import a_run
 from tstar_rl.analysis.tables import commit_of, short_commit
 from tstar_rl.rollouts.episodes import MODES
 from tstar_rl.runs import versions
-from tstar_rl.runs.csv_tables import MetricsLog, append_rows
-from tstar_rl.runs.run_config import note_evaluation
+from tstar_rl.runs.csv_tables import LogError, MetricsLog, append_rows, read_table
+from tstar_rl.runs.run_config import DamagedConfigError, note_evaluation, read_config
 from tstar_rl.runs.run_folder import Place, made_by, read_run_path, run_path
 from tstar_rl.seeds import EVALUATIONS, derive_seed, evaluation_seed
 
@@ -50,6 +50,27 @@ def test_evaluation_rows_replace_those_of_the_same_key(tmp_path):
     append_rows(path, [{"checkpoint": "best", "mode": "deterministic", "success": 0.2}], key)
     table = append_rows(path, [{"checkpoint": "last", "mode": "deterministic", "success": 0.3}], key)
     assert sorted(table.success) == [0.2, 0.3] and sorted(pd.read_csv(path).success) == [0.2, 0.3]
+
+
+@pytest.mark.parametrize(
+    "damage", [b"", b"seed,success", b"seed,success\n0,0.", b"seed\n\xff\xfe\n", b'a,b\n"0,1\n']
+)
+def test_a_damaged_table_is_named(tmp_path, damage):
+    path = tmp_path / "evaluation.csv"
+    path.write_bytes(damage)
+    for read in (lambda: read_table(path), lambda: append_rows(path, [{"seed": 1}], ("seed",))):
+        with pytest.raises(LogError, match=r"evaluation.csv is damaged \(.*put it back from a copy"):
+            read()
+    assert path.read_bytes() == damage
+
+
+@pytest.mark.parametrize(
+    "damage", [b"", b"a: [", b"seed: 0\nenv: {velocity", b"seed: 0\nenv: 1", b"\xff\xfe"]
+)
+def test_a_damaged_config_is_named(tmp_path, damage):
+    (tmp_path / "config.yaml").write_bytes(damage)
+    with pytest.raises(DamagedConfigError, match=r"config.yaml is damaged \(.*put it back from a copy"):
+        read_config(tmp_path)
 
 
 def test_a_key_of_numbers_and_words_is_the_same_after_it_was_read_back(tmp_path):

@@ -180,6 +180,11 @@ def test_draws_resume_from_the_state_dict():
         (lambda: RewardMixture({"env": 0.0, "gail": 0.0}), "nothing to learn from"),
         (lambda: RewardMixture({"env": float("nan")}), "must be finite"),
         (
+            lambda: RewardMixture({"env": "x"}),
+            "reward.weights must have a number for each term, .* got {'env': 'x'}",
+        ),
+        (lambda: RewardMixture("env"), "reward.weights must have a number for each term, .* got 'env'"),  # pyright: ignore[reportArgumentType]
+        (
             lambda: RewardMixture({"env": 1.0}, scales={"gail": 2.0}),
             "reward.scales has gail, which .* it has env",
         ),

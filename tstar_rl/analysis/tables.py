@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from tstar_rl.runs.csv_tables import read_table
 from tstar_rl.runs.run_config import read_config
 from tstar_rl.runs.run_folder import read_run_path
 from tstar_rl.runs.versions import DIRTY, UNKNOWN
@@ -63,7 +64,7 @@ def read_hand_over(root: str | Path = "results") -> pd.DataFrame:
     `own_starts` is from the skill's own starts, `handed_over` from where the skill before ends.
     """
     frames = [
-        pd.read_csv(file).assign(task=file.parent.name) for file in sorted(Path(root).glob("*/hand_over.csv"))
+        read_table(file).assign(task=file.parent.name) for file in sorted(Path(root).glob("*/hand_over.csv"))
     ]
     return pd.concat(frames, ignore_index=True) if frames else pd.DataFrame()
 
@@ -126,7 +127,7 @@ def _state(file: Path) -> tuple[int, ...]:
 @cache
 def _parsed(file: Path, state: tuple[int, ...]) -> pd.DataFrame:
     """A file's table as long as it has this state: a page reads each of some thousand files several times."""
-    return pd.read_csv(file)
+    return read_table(file)
 
 
 @cache

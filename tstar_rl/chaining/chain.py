@@ -36,14 +36,26 @@ class ChainPolicy(TensorDictModuleBase):
 
     def __init__(self, skills: Sequence[Skill]) -> None:
         super().__init__()
+        if isinstance(skills, (str, Path)) or not all(isinstance(skill, Skill) for skill in skills):
+            raise ValueError(f"a chain is made of skills, as load_chain(path) gives them; got {skills!r}")
         order = [skill.subtask for skill in skills]
         if not order or order != list(range(len(order))):
             raise ValueError(f"a chain needs the skills of subtasks 0, 1, ... in order; got {order}")
         self.in_keys, self.out_keys = ["observation", "subtask"], ["action"]
         self.policies = nn.ModuleList(skill.policy for skill in skills)
+        self._piece, self._width = skills[0].task, skills[0].obs_dim
 
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
-        """tensordict: batch [N] -> the same with "action" (N, 9)."""
+        """tensordict: batch [N] -> the same with "action" (N, 9).
+
+        Raises:
+            ValueError: if its observations are of another piece, as far as their width tells.
+        """
+        width = tensordict["observation"].shape[-1]
+        if width != self._width:
+            raise ValueError(
+                f"this chain is of {self._piece}, whose observations have {self._width} numbers; got {width}"
+            )
         subtask = tensordict["subtask"].squeeze(-1).clamp(0, len(self.policies) - 1)
         observation = tensordict.select("observation")
         action = None
@@ -97,17 +109,26 @@ def chain_folders(path: Path) -> list[Path]:
     return [path / f"skill{index}" for index in range(number)]
 
 
-def load_chain(path: Path, **expected: Any) -> list[Skill]:
+def load_chain(path: str | Path, **expected: Any) -> list[Skill]:
     """What `save_chain` wrote to `path`; see `Skill.load` for what is expected.
 
     Raises:
         MissingFileError: if there is none; a FileNotFoundError.
         DamagedCheckpointError: see `chain_folders`.
     """
+    path = Path(path)
     folders = chain_folders(path)
     if not folders:
-        raise MissingFileError(f"no chain at {path}{made_by(path)}")
+        raise MissingFileError(f"no chain at {path}{_where_else(path)}")
     return [Skill.load(folder, **expected) for folder in folders]
+
+
+def _where_else(path: Path) -> str:
+    """What a message says of a chain that is not at `path`: where it is, or what makes it."""
+    if is_checkpoint(path):
+        return ", which is one skill: Skill.load reads it"
+    near = [place for place in (path / "last", path / "best", path.parent) if _skills_at(place)]
+    return f": there is one at {near[0]}" if near else made_by(path)
 
 
 def _skills_at(path: Path) -> dict[int, Path]:

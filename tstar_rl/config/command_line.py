@@ -20,9 +20,11 @@ from typing import Any
 import hydra
 import yaml
 from hydra import compose, initialize_config_dir
+from hydra._internal.utils import get_args_parser
 from hydra.errors import CompactHydraException, HydraException, MissingConfigException, OverrideParseException
 from omegaconf import DictConfig, OmegaConf, open_dict
 from omegaconf.errors import OmegaConfBaseException
+from tqdm import tqdm
 
 from tstar_rl.checks import UserError, did_you_mean
 
@@ -76,6 +78,7 @@ def command_line(body: Body, configs: Path, name: str, check: Check) -> Callable
             raise SystemExit(f"a recipe needs a clone, installed with pip install -e: there is no {configs}")
         if os.environ.get(FULL_ERROR) == "1":
             return start(body)
+        _check_dashes()
         _check_groups(configs)
         helps = bool({"--help", "-h"} & set(sys.argv[1:]))
         os.environ[FULL_ERROR] = "1"  # Hydra then raises what it would print in its own words
@@ -112,11 +115,20 @@ def told_in_words() -> Iterator[None]:
     try:
         yield
     except UserError as error:
+        _clear_bars()
         raise SystemExit(f"{error}\n{HINT}") from None
     except OSError as error:
         if error.errno is None and not isinstance(error, FileNotFoundError):
             raise
+        _clear_bars()
         raise SystemExit(f"{of_the_disk(error)}\n{HINT}") from None
+
+
+def _clear_bars() -> None:
+    """Takes progress bars off the screen, on whose line a message would begin."""
+    for bar in list(getattr(tqdm, "_instances", ())):
+        bar.leave = False
+        bar.close()
 
 
 def of_the_disk(error: OSError) -> str:
@@ -145,6 +157,22 @@ def _in_words(error: Exception, configs: Path, name: str, check: Check) -> str:
         return _unknown_key(unknown[1], configs, name, check)
     cause = error.__cause__ if isinstance(error, CompactHydraException) else None
     return f"{text} ({' '.join(str(cause).split())})" if cause and str(cause) not in text else text
+
+
+def _check_dashes() -> None:
+    """Ends the process where a value is given as other programs have it: --seed 0, --seed=0."""
+    unknown = [text for text in get_args_parser().parse_known_args()[1] if text.startswith("--")]
+    if unknown:
+        name, _, value = unknown[0].removeprefix("--").partition("=")
+        following = sys.argv[sys.argv.index(unknown[0]) + 1 :][:1]
+        value = (
+            value
+            or "".join(text for text in following if "=" not in text and not text.startswith("-"))
+            or "..."
+        )
+        raise SystemExit(
+            f"{unknown[0]} is no option: values are given without dashes, {name}={value}\n{HINT}"
+        )
 
 
 def _check_groups(configs: Path) -> None:

@@ -110,7 +110,10 @@ def read_record(path: str | Path, **expected: Any) -> dict[str, Any]:
         CheckpointMismatchError: if an `expected` value is not the recorded one.
     """
     if not is_checkpoint(path):
-        raise MissingFileError(f"no checkpoint at {path}{made_by(path)}")
+        near = [place for place in (Path(path, "last"), Path(path, "skill0")) if is_checkpoint(place)]
+        raise MissingFileError(
+            f"no checkpoint at {path}{f': there is one at {near[0]}' if near else made_by(path)}"
+        )
     verify(Path(path), only=[MANIFEST])
     record = Checkpoint.manifest(path)["metadata"]
     wrong = differences({name: record.get(name) for name in expected}, expected)

@@ -12,11 +12,33 @@ from numpy.typing import NDArray
 from tstar_rl.checks import UserError
 from tstar_rl.runs.files import append_text, replacing, turn_to_write
 
-__all__ = ["LogError", "MetricsLog", "append_rows"]
+__all__ = ["LogError", "MetricsLog", "append_rows", "read_table"]
 
 
 class LogError(UserError, ValueError):
-    """A table of a run has fewer rows than its checkpoint counts."""
+    """A table of a run is cut off, or has fewer rows than its checkpoint counts."""
+
+
+def read_table(path: str | Path) -> pd.DataFrame:
+    """A CSV table as it was written.
+
+    Raises:
+        LogError: if the file is empty, cut off or no table; it is named.
+        FileNotFoundError: if there is none.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text()
+        if not text.endswith("\n"):
+            raise ValueError("its last line has no end" if text else "it is empty")
+        return pd.read_csv(StringIO(text))
+    except (
+        ValueError,
+        pd.errors.ParserError,
+    ) as error:  # a UnicodeDecodeError and pandas' EmptyDataError are among these
+        raise LogError(
+            f"{path} is damaged ({error}): put it back from a copy, or delete it and run what wrote it again"
+        ) from error
 
 
 class MetricsLog:
@@ -80,10 +102,10 @@ def append_rows(path: str | Path, rows: list[dict[str, Any]], key: tuple[str, ..
     """
     path, new = Path(path), pd.DataFrame(rows)
     if not rows:
-        return pd.read_csv(path) if path.is_file() else new
+        return read_table(path) if path.is_file() else new
     with turn_to_write(path.parent):
         if path.is_file():
-            old = pd.read_csv(path)
+            old = read_table(path)
             same = _have_key_of(old, new, key)
             new = pd.concat([old[~same], new], ignore_index=True) if not same.all() else new
         _replace(path, new.to_csv(index=False))

@@ -6,10 +6,12 @@ from typing import Any
 
 import yaml
 
+from tstar_rl.checks import UserError
 from tstar_rl.runs.files import replacing, turn_to_write
 from tstar_rl.runs.versions import versions
 
 __all__ = [
+    "DamagedConfigError",
     "note_evaluation",
     "note_resumed",
     "note_section",
@@ -17,13 +19,37 @@ __all__ = [
     "write_config",
 ]
 
+
+class DamagedConfigError(UserError, ValueError):
+    """A run's config.yaml is not as it was written."""
+
+
 LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # libyaml, where it is there, reads ten times faster
 
 
 def read_config(folder: Path) -> dict[str, Any]:
-    """The values in a run's config.yaml; none where it has none."""
+    """The values in a run's config.yaml; none where it has none.
+
+    Raises:
+        DamagedConfigError: if the file is empty, cut off or no YAML; it is named.
+    """
     file = folder / "config.yaml"
-    return (yaml.load(file.read_text(), LOADER) or {}) if file.is_file() else {}
+    if not file.is_file():
+        return {}
+    try:
+        text = file.read_text()
+        found = yaml.load(text, LOADER)
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise DamagedConfigError(_damaged(file, " ".join(str(error).split()))) from error
+    if not isinstance(found, dict) or not text.endswith("\n"):
+        raise DamagedConfigError(_damaged(file, "it is empty or cut off"))
+    return found
+
+
+def _damaged(file: Path, why: str) -> str:
+    return (
+        f"{file} is damaged ({why}): put it back from a copy, or delete the run's results and make them again"
+    )
 
 
 def write_config(folder: Path, config: Mapping[str, Any]) -> None:

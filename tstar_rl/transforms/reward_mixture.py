@@ -45,6 +45,11 @@ class RewardMixture(RewardTransform):
         scales: dict[str, float] | None = None,
     ) -> None:
         super().__init__("reward")
+        for name, given in (("weights", weights), ("scales", scales)):
+            if given is not None and not _has_numbers(given):
+                raise InvalidValueError(
+                    f"reward.{name} must have a number for each term, as {{'env': 0.5}}; got {given!r}"
+                )
         self.weights = {"env": 0.5, "gail": 0.5} if weights is None else dict(weights)
         self.scales, self.reward_scale = dict(scales or {}), reward_scale
         unknown = [term for term in self.scales if term not in self.weights]
@@ -79,6 +84,12 @@ class RewardMixture(RewardTransform):
             f"{weight:g} {name}" for name, weight in self.effective_weights().items() if weight
         )
         return f"RewardMixture(reward = {terms})"
+
+
+def _has_numbers(given: object) -> bool:
+    return isinstance(given, Mapping) and all(
+        isinstance(number, (int, float)) and not isinstance(number, bool) for number in given.values()
+    )
 
 
 def weighted(mixture: RewardMixture, terms: Mapping[str, RewardTransform | None]) -> Compose:

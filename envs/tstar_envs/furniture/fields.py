@@ -5,6 +5,7 @@ What the values may be, a piece checks itself when it is made: see `rules` and `
 
 from __future__ import annotations
 
+import difflib
 import math
 from typing import Any
 
@@ -32,7 +33,8 @@ class Fields:
         self.known.add(key)
         value = self.data.get(key, default)
         if value is _MISSING:
-            raise FurnitureError(f"{self.at(key)}: is missing")
+            near = difflib.get_close_matches(key, [str(name) for name in self.data], n=1)
+            raise FurnitureError(f"{self.at(key)}: is missing" + (f"; is {near[0]!r} meant?" if near else ""))
         return value
 
     def number(self, key: str, default: Any = _MISSING) -> float:

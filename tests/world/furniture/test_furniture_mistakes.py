@@ -33,6 +33,10 @@ def test_unknown_furniture_is_told_the_nearest_name():
     "change, message",
     [
         (lambda d: delete(d, "z_finedist"), r"chair.yaml: z_finedist: is missing"),
+        (
+            lambda d: d.update(z_finedst=d.pop("z_finedist")),
+            r"chair.yaml: z_finedist: is missing; is 'z_finedst' meant\?",
+        ),
         (lambda d: put(d, "z_finedist", "high"), r"z_finedist: got 'high', expected a finite number"),
         (lambda d: put(d, "z_fine", 1), r"z_fine: unknown field, did you mean 'z_finedist'"),
         (

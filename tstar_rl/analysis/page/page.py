@@ -44,7 +44,8 @@ of the first arm beats any seed of the second, whether or not it is the same see
 measures how far seeds are apart; with fewer than four seeds it has no interval. In tables of questions the interval of
 a difference reaches from the lower of the two lower ends to the higher of the two upper ends. Where a rule asks for a
 probability of improvement, that stands behind it, with the p-value corrected for the family of pairs (Holm). *Within
-0.05 of zero*: both intervals are. Other tables give mean +- standard deviation over seeds.
+0.05 of zero*, in tables of what a choice adds: both intervals are; other tables say *no clear difference* of such a
+pair too. Other tables give mean +- standard deviation over seeds.
 
 *Product of its skills* is the progress of a chain whose skills succeed as often from where the one before ends as from
 their own starts. The *hand-over gap* is that product minus what the chain does: what better hand-overs alone can mend.
