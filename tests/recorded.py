@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,14 @@ def make(num_envs: int = 2, seed: int = 0, **settings: Any) -> FurnitureEnv:
 def scripted(num_envs: int = 2, seed: int = 0, noise: float = 0.05, **settings: Any) -> Recording:
     env = make(num_envs, seed, **settings)
     return record(env, env.expert(noise, torch.Generator().manual_seed(seed)), "the script", seed)
+
+
+def labelled_script() -> Recording:
+    """Two successes, with labels as if an expert had been asked."""
+    found = scripted()
+    assert [episode.succeeded for episode in found.episodes] == [True, True]
+    labelled = [replace(one, labels=one.actions.neg()) for one in found.episodes]
+    return replace(found, episodes=labelled)
 
 
 def as_demonstrations(recording: Recording, kind: str = "noisy") -> Demonstrations:

@@ -8,10 +8,8 @@ import pytest
 import torch
 from tensordict import TensorDict
 
-from tstar_rl.chaining import turn_updates, turns
 from tstar_rl.chaining.chain import load_chain
 from tstar_rl.chaining.chain_training import ChainTraining
-from tstar_rl.chaining.signals import value_scale
 from tstar_rl.chaining.turns import Turn
 
 TWO = ("chain.gate=false", "chain.links=2")
@@ -62,17 +60,6 @@ def test_a_signal_moves_where_the_first_skill_ends(recipe, point_chain, tmp_path
     assert 0 < judged.next_success.iloc[0] < judged.next_success.iloc[-1]
 
 
-def test_a_proximity_that_has_not_learned_is_not_paid(point_chain):
-    """Trials before the first turn are what P learns from."""
-    own = (*TWO, "chain.trial_every=100", "chain.steps_per_turn=512", "chain.path_steps=8")
-    seeded, none = (
-        point_chain("proximity", *own, f"chain.seed_episodes={number}", f"system=after_{number}")
-        for number in (64, 0)
-    )
-    assert seeded["reward_proximity"].notna().any() and "proximity_loss" in seeded
-    assert not {"reward_proximity", "proximity_loss"} & set(none)
-
-
 @pytest.mark.parametrize("label", ["success", pytest.param("share", marks=pytest.mark.slow)])
 def test_f_says_from_where_the_next_skill_succeeds(label, point_chain, tmp_path):
     """With a third skill that always succeeds, the share of the rest that is done is 0 or 1 as well."""
@@ -82,115 +69,6 @@ def test_f_says_from_where_the_next_skill_succeeds(label, point_chain, tmp_path)
     with torch.no_grad():
         said = f(states(1.2, [0.5, -0.5])).sigmoid().squeeze(-1)
     assert said[0] > 0.8 and said[1] < 0.2
-
-
-def test_f_learns_the_share_that_the_config_asks_for(point_chain, monkeypatch):
-    """The label of a chain whose third skill never succeeds: 1 or 0 for success, 1/2 or 0 for the share."""
-    asked = {}
-    keep = ChainTraining.keep_outcomes
-
-    def lost(chain, trial, rejected=None):
-        trial.skills[2].succeeded.fill_(False)
-        keep(chain, trial, rejected)
-
-    log = Turn.log
-
-    def note(turn, rollout, row):
-        if turn.index == 0:
-            asked[label] = turn.following.outcomes.labels(label).unique().tolist()
-        log(turn, rollout, row)
-
-    monkeypatch.setattr(ChainTraining, "keep_outcomes", lost)
-    monkeypatch.setattr(Turn, "log", note)
-    means = {}
-    for label in ("success", "share"):
-        table = point_chain("feasibility", *SHORT, "chain.links=3", f"label={label}", f"system={label}")
-        means[label] = table[table.skill == 0].feasibility_label.iloc[0]
-    assert asked == {"success": [0, 1], "share": [0, 0.5]}
-    assert means["share"] == pytest.approx(means["success"] / 2)
-
-
-def test_a_turn_estimates_the_rest_of_the_chain_by_the_next_skills_f(point_chain, monkeypatch):
-    """A success of skill 1 of three is half of what is left; F of skill 2 says how much of the other half follows."""
-    added = []
-    outcomes = Turn.outcomes
-
-    def watched(turn, rollout, later):
-        found = outcomes(turn, rollout, later)
-        added.append(
-            (
-                turn.index,
-                *found[1:],
-                None if later is None else later(turn.chained(rollout)["next", "observation"]),
-            )
-        )
-        return found
-
-    monkeypatch.setattr(Turn, "outcomes", watched)
-    point_chain("feasibility", *SHORT, "chain.links=3")
-    assert [index for index, *_ in added] == [0, 1, 2]
-    for index, succeeded, share, later in added:
-        assert (share[~succeeded] == 0).all() and succeeded.any()
-        least = 1 / (3 - index)
-        assert (share[succeeded] >= least - 1e-6).all() and (share <= 1).all()
-        assert (later is None) == (index == 2)
-        assert later is None or bool((share[succeeded] > least).any())  # F is never 0
-
-
-def test_a_signal_for_the_share_is_judged_by_the_share_from_the_next_skill_on(point_chain, monkeypatch):
-    """Of two skills after skill 0: both are done where the first is, since skill 2 succeeds from anywhere."""
-    judged, judge = [], turns.judge
-
-    def watched(name, signal, handed, succeeded, outcome):
-        judged.append((succeeded.double(), outcome))
-        return judge(name, signal, handed, succeeded, outcome)
-
-    monkeypatch.setattr(turns, "judge", watched)
-    point_chain("feasibility", "chain.gate=false", "chain.steps_per_turn=512", "chain.links=3", "label=share")
-    (succeeded, outcome), *_ = judged
-    assert 0 < succeeded.mean() < 1 and torch.equal(outcome, succeeded)
-
-
-def test_a_critics_error_and_the_value_paid_are_in_the_units_of_the_skill_they_are_of(
-    point_chain, monkeypatch
-):
-    """Rewards are divided by the deviation of the skill's returns; the value that counts as 1 is the next skill's."""
-    scales, errors = [], []
-    critic_errors = turn_updates.critic_errors
-
-    def watched(rollout, skill, gamma, unit, scale):
-        errors.append((unit, float(skill.return_scale.deviation), scale, value_scale(skill)))
-        return critic_errors(rollout, skill, gamma, unit, scale)
-
-    signal = Turn.signal
-
-    def noted(turn, name, given, label="success"):
-        scales.append((given.scale, value_scale(turn.following)))
-        return signal(turn, name, given, label)
-
-    monkeypatch.setattr(turn_updates, "critic_errors", watched)
-    monkeypatch.setattr(Turn, "signal", noted)
-    point_chain("hand_over_value", *SHORT, "chain.links=2", "chain.rounds=2", *OWN["hand_over_value"])
-    assert all(given == pytest.approx(expected) for given, expected in scales) and scales[-1][1] != 1.0
-    assert len(errors) == 4 and all(unit == deviation != 1.0 for unit, deviation, *_ in errors)
-    assert all(scale == pytest.approx(expected) for *_, scale, expected in errors)
-
-
-def test_starts_of_the_next_skills_turns_join_its_outcomes(point_chain, monkeypatch):
-    """In the turn of skill 1: those that began where skill 0 ends, failed ones too."""
-    seen = []
-    log = Turn.log
-
-    def note(turn, rollout, row):
-        if turn.index == 1:
-            ended = rollout["next", "done"].squeeze(-1) & rollout["start_chained"].squeeze(-1)
-            seen.append((int(ended.sum()), len(turn.skill.outcomes)))
-        log(turn, rollout, row)
-
-    monkeypatch.setattr(Turn, "log", note)
-    point_chain("feasibility", *TWO, "chain.trial_every=100")
-    (_, first), (number, second) = seen
-    assert second - first == number > 20
 
 
 @pytest.fixture
