@@ -40,7 +40,7 @@ BY_SIGINT = 130
 HINT = f"{FULL_ERROR}=1 shows where this was raised."
 FULL_DISK = (errno.ENOSPC, errno.EDQUOT)
 NOT_WRITABLE = (
-    errno.EROFS, errno.EACCES, errno.EPERM, errno.ENOTDIR, errno.EISDIR, errno.ENAMETOOLONG,
+    errno.EROFS, errno.EACCES, errno.EPERM, errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.ENAMETOOLONG,
 )  # fmt: skip
 
 Body = Callable[[DictConfig], None]

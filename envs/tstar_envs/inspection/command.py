@@ -64,7 +64,11 @@ def _number(text: str) -> int:
 
 
 def _read(file: str) -> Furniture:
-    return library.read(Path(file)) if file.endswith((".yaml", ".yml")) else library.load(file)
+    if not file.endswith((".yaml", ".yml")):
+        return library.load(file)
+    if not Path(file).is_file():
+        raise FurnitureError(f"{file}: there is no such file")
+    return library.read(Path(file))
 
 
 def _check(furniture: Furniture, asked: argparse.Namespace) -> int:

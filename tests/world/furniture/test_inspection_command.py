@@ -26,6 +26,7 @@ def test_the_command_refuses_a_file_that_cannot_be_read(table, tmp_path, capsys)
     assert main(["check", str(table(far))]) == 1
     assert "WRONG     my_table.yaml: parts.leg_2.connectors.top_end.pos: got" in capsys.readouterr().out
     assert main(["check", str(tmp_path / "none.yaml")]) == 1
+    assert "none.yaml: there is no such file" in capsys.readouterr().out
     assert main(["check", "table_lak"]) == 1
     assert "did you mean 'table_lack'" in capsys.readouterr().out
 
