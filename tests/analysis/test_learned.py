@@ -62,7 +62,7 @@ def test_the_page_says_which_skills_are_learned(published, arms):
             "success_high": 1.0,
         }
         pd.DataFrame([row]).to_csv(folder / "evaluation.csv", index=False)
-        (folder / "config.yaml").write_text(f"versions: {{commit: {COMMIT}}}")
+        (folder / "config.yaml").write_text(f"versions: {{commit: {COMMIT}}}\n")
     odd = {"folder": "odd", "kind": "experiment"}
     plain = {"folder": "plain", "kind": "paper"}
     contents(published, [odd, plain], {})

@@ -202,7 +202,7 @@ def test_only_what_was_changed_after_its_skills_were_tried_has_a_star(published)
         folder.mkdir(parents=True)
         alone = {"checkpoint": "last", "mode": "deterministic", "success": 0.5, "env_steps": 1, "episodes": 2}
         pd.DataFrame([alone]).to_csv(folder / "evaluation.csv", index=False)
-        (folder / "config.yaml").write_text(f"versions: {{commit: {COMMIT}}}")
+        (folder / "config.yaml").write_text(f"versions: {{commit: {COMMIT}}}\n")
     lead = results_page(published, THEIRS, "<!-- table: odd -->").split("## How to read")[0]
     rows = {
         line.split(" | ")[0].strip("| "): line.split(" | ")[3] for line in lead.splitlines() if " | " in line
