@@ -217,9 +217,7 @@ def _own_success(
         return [], False
     source = config_of(run_path(experiment.root, task, arm, seed)).get("skills", "gail_ppo")
     skills = skills[(skills.task == task) & (skills.arm == source) & (skills.seed == seed)]
-    kept = (
-        checkpoint if is_untrained(arm) else "last"
-    )  # a chain as it is has its skills' best; training begins with last
+    kept = checkpoint if is_untrained(arm) else "last"  # fine-tuning begins with the last ones
     skills = skills[(skills.checkpoint == kept) & (skills["mode"] == "deterministic")].sort_values("subtask")
     complete = skills["subtask"].tolist() == list(range(_chained(experiment, task, arm, seed)))
     return (skills["success"].tolist() if complete else []), False

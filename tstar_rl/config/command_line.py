@@ -162,17 +162,14 @@ def _in_words(error: Exception, configs: Path, name: str, check: Check) -> str:
 def _check_dashes() -> None:
     """Ends the process where a value is given as other programs have it: --seed 0, --seed=0."""
     unknown = [text for text in get_args_parser().parse_known_args()[1] if text.startswith("--")]
-    if unknown:
-        name, _, value = unknown[0].removeprefix("--").partition("=")
-        following = sys.argv[sys.argv.index(unknown[0]) + 1 :][:1]
-        value = (
-            value
-            or "".join(text for text in following if "=" not in text and not text.startswith("-"))
-            or "..."
-        )
-        raise SystemExit(
-            f"{unknown[0]} is no option: values are given without dashes, {name}={value}\n{HINT}"
-        )
+    if not unknown:
+        return
+    name, given, value = unknown[0].removeprefix("--").partition("=")
+    if not given:
+        following = "".join(sys.argv[sys.argv.index(unknown[0]) + 1 :][:1])
+        value = "..." if not following or "=" in following or following.startswith("-") else following
+    told = f"{unknown[0]} is no option: values are given without dashes, {name}={value}"
+    raise SystemExit(f"{told}\n{HINT}")
 
 
 def _check_groups(configs: Path) -> None:

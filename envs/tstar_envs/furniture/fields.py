@@ -5,14 +5,13 @@ What the values may be, a piece checks itself when it is made: see `rules` and `
 
 from __future__ import annotations
 
-import difflib
 import math
 from typing import Any
 
 import yaml
 
 from tstar_envs.checks import short
-from tstar_envs.furniture.errors import FurnitureError, did_you_mean
+from tstar_envs.furniture.errors import FurnitureError, did_you_mean, nearest
 from tstar_envs.furniture.rules import check_lengths, check_number
 
 _MISSING: Any = object()
@@ -33,8 +32,8 @@ class Fields:
         self.known.add(key)
         value = self.data.get(key, default)
         if value is _MISSING:
-            near = difflib.get_close_matches(key, [str(name) for name in self.data], n=1)
-            raise FurnitureError(f"{self.at(key)}: is missing" + (f"; is {near[0]!r} meant?" if near else ""))
+            near = nearest(key, [str(name) for name in self.data if name not in self.known])
+            raise FurnitureError(f"{self.at(key)}: is missing" + (f"; is {near!r} meant?" if near else ""))
         return value
 
     def number(self, key: str, default: Any = _MISSING) -> float:

@@ -87,7 +87,6 @@ class _Reader:
     ) -> None:
         self.path, self.observation_key, self.filter_key = path, observation_key, filter_key
         self.failures, self.place = failures, ""
-        self.leave_out = "leave it out of the file, or name a list below mask by demonstrations.filter_key"
 
     def read(self, file: Any) -> Contents:
         from tstar_rl.env.task_tables import observation_dim
@@ -135,10 +134,8 @@ class _Reader:
         for name in names:
             if not re.fullmatch(r"demo_\d+", name):
                 raise self._wrong(f"data has {name}; demonstrations are called demo_0, demo_1, ...")
-        masks = list(file.get("mask", {}))
-        if "successes" in masks and self.filter_key != "successes":
-            self.leave_out = "demonstrations.filter_key=successes leaves out those that failed"
         if self.filter_key is not None:
+            masks = list(file.get("mask", {}))
             if self.filter_key not in masks:
                 raise self._wrong(f"mask has no {self.filter_key}; it has {_listed(masks)}")
             chosen = [_text(name) for name in file["mask"][self.filter_key][()]]
@@ -169,7 +166,10 @@ class _Reader:
         if won not in (0, 1):
             raise self._wrong(f"has attribute success {won}, should be true or false, or 1 or 0")
         if not (won or self.failures):
-            raise self._wrong(f"did not succeed; {self.leave_out}")
+            told = "leave it out of the file, or name a list below mask by demonstrations.filter_key"
+            if "successes" in group.file.get("mask", {}) and self.filter_key != "successes":
+                told = "demonstrations.filter_key=successes leaves out those that failed"
+            raise self._wrong(f"did not succeed; {told}")
         shapes = {key: (steps, width), "actions": (steps, 9), "expert_actions": (steps, 9)}
         shapes |= {f"next_{key}": (steps, width), **dict.fromkeys(PER_STEP, (steps,))}
         for each, rows in (("states", (steps,)), ("final_state", ())):
