@@ -120,9 +120,8 @@ def _answer(row: pd.Series, margin: float, interval: str) -> str:
     if high < margin:
         worse = high < NO_DIFFERENCE and needed is not None and behind >= needed
         return "no: it does worse" if worse else "no, or not by much"
-    higher = low > NO_DIFFERENCE
     said, rooms = "not decided", [(high - value, margin - value)]
-    if higher:
+    if low > NO_DIFFERENCE:
         asked = "no number of tasks suffices" if needed is None else f"{needed} are asked"
         said += f"; ahead on {ahead} of {tasks} tasks, where {asked}"
     else:

@@ -32,10 +32,7 @@ def read_table(path: str | Path) -> pd.DataFrame:
         if not text.endswith("\n"):
             raise ValueError("its last line has no end" if text else "it is empty")
         return pd.read_csv(StringIO(text))
-    except (
-        ValueError,
-        pd.errors.ParserError,
-    ) as error:  # a UnicodeDecodeError and pandas' EmptyDataError are among these
+    except ValueError as error:  # a UnicodeDecodeError is one, and so are pandas' errors of reading
         raise LogError(
             f"{path} is damaged ({error}): put it back from a copy, or delete it and run what wrote it again"
         ) from error
