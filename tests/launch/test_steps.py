@@ -216,6 +216,19 @@ def test_a_training_that_was_finished_with_another_config_is_no_step_that_is_don
     assert is_done(CHAIN, [*shared, "ppo.epochs=7"], ignored=["ppo"])
 
 
+def test_a_training_that_may_go_on_is_not_done_if_more_steps_are_asked_for(shared):
+    more, fewer = "training.total_steps=99000000", "training.total_steps=99"
+    finish(TRAIN, shared, at=1)
+    finish(CHAIN, shared, at=1)
+    with pytest.raises(CheckpointMismatchError, match="training.total_steps was"):
+        is_done(TRAIN, [*shared, more])  # its exploration ends with the run
+    free = [*shared, "exploration=null"]
+    finish(TRAIN, free, at=1)
+    assert is_done(TRAIN, free) and not is_done(TRAIN, [*free, more])
+    with pytest.raises(CheckpointMismatchError, match="training.total_steps was .*is 99 now"):
+        is_done(TRAIN, [*free, fewer])
+
+
 @pytest.fixture
 def pipeline(call, monkeypatch, tmp_path):
     """Calls a recipe that starts recipes; returns the steps that it runs, each of which leaves its files behind."""

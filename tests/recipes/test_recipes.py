@@ -5,6 +5,7 @@ import shutil
 import pandas as pd
 import pytest
 import torch
+import yaml
 from recipe_runs import kill_after, metrics, places, run
 
 from tstar_rl import FurnitureEnv
@@ -94,6 +95,24 @@ def test_a_killed_run_resumes_to_the_same_figures(demonstrations, tmp_path):
     done = run("gail_ppo", *values)
     assert done.returncode == 0, done.stderr
     assert file.read_bytes() == metrics(tmp_path, "whole").read_bytes()
+
+
+@pytest.mark.slow
+def test_a_finished_run_goes_on_to_more_steps_as_if_it_had_had_them(demonstrations, tmp_path):
+    """Unless something in it follows the share of its steps that is done: then it is refused, and nothing changes."""
+    free = ["subtask=0", demonstrations, "exploration=null"]
+    for name, values in (("whole", ["training.total_steps=2048"]), ("longer", [])):
+        done = run("gail_ppo", *free, *values, *places(tmp_path, name))
+        assert done.returncode == 0, done.stderr
+    file = metrics(tmp_path, "longer")
+    before = file.read_bytes()
+    for values in (["subtask=0", demonstrations], [*free, "ppo.linear_decay=true"]):
+        done = run("gail_ppo", *values, *places(tmp_path, "longer"), "training.total_steps=2048")
+        assert done.returncode and "does not belong here" in done.stderr and file.read_bytes() == before
+    done = run("gail_ppo", *free, *places(tmp_path, "longer"), "training.total_steps=2048")
+    assert done.returncode == 0, done.stderr
+    assert file.read_bytes() == metrics(tmp_path, "whole").read_bytes()
+    assert yaml.safe_load((file.parent / "config.yaml").read_text())["training"]["total_steps"] == 2048
 
 
 @pytest.mark.slow

@@ -6,7 +6,7 @@ from typing import Any
 
 from tstar_rl.checks import UserError
 
-__all__ = ["MACHINE_ONLY", "CheckpointMismatchError", "check_config", "differences"]
+__all__ = ["MACHINE_ONLY", "CheckpointMismatchError", "as_begun", "check_config", "differences"]
 
 MACHINE_ONLY = (
     "nthread",
@@ -34,6 +34,21 @@ def check_config(results: Path, saved: Mapping[str, Any], asked: Mapping[str, An
     wanted = {name: value for name, value in asked.items() if name in saved}
     if wrong := differences({name: saved[name] for name in wanted}, wanted):
         raise CheckpointMismatchError(f"{results}: {'; '.join(wrong)} (resume=false starts over)")
+
+
+def as_begun(saved: Mapping[str, Any], asked: Mapping[str, Any]) -> dict[str, Any]:
+    """`asked`, but with the fewer steps that the training in `saved` was given, if it may go on from them.
+
+    A training of one policy may, unless something in it follows the share of its steps that is done: rates that fall
+    in a line, or a fixed deviation that exploration lowers. Then it makes the same numbers as one that was given all
+    the steps at once.
+    """
+    fixed = asked.get("exploration") is not None and asked.get("networks", {}).get("std") == "fixed"
+    scheduled = fixed or asked.get("ppo", {}).get("linear_decay", False)
+    now, before = (values.get("training", {}).get("total_steps", 0) for values in (asked, saved))
+    if scheduled or "from_checkpoint" in asked or not 0 < before < now:
+        return dict(asked)
+    return {**asked, "training": {**asked["training"], "total_steps": before}}
 
 
 def differences(saved: Any, wanted: Any, name: str = "") -> list[str]:

@@ -19,8 +19,8 @@ from tqdm import tqdm
 from tstar_rl.runs import checkpoint, lock
 from tstar_rl.runs.csv_tables import LogError, MetricsLog
 from tstar_rl.runs.files import put_back, replacing
-from tstar_rl.runs.mismatch import MACHINE_ONLY, CheckpointMismatchError, check_config
-from tstar_rl.runs.run_config import note_resumed, read_config, write_config
+from tstar_rl.runs.mismatch import MACHINE_ONLY, CheckpointMismatchError, as_begun, check_config
+from tstar_rl.runs.run_config import note_resumed, note_section, read_config, write_config
 from tstar_rl.runs.run_folder import SAVED, run_path
 
 __all__ = ["Run"]
@@ -109,10 +109,13 @@ class Run:
             write_config(self.results, self.config)
         else:
             try:
-                checkpoint.load(found, self.components, **self.record)
+                begun = as_begun(checkpoint.read_record(found), self.record)
+                checkpoint.load(found, self.components, **begun)
             except (CheckpointMismatchError, checkpoint.DamagedCheckpointError, LogError) as error:
                 raise type(error)(f"{error} (resume=false starts over)") from error
             note_resumed(self.results, self.env_steps)
+            if begun != self.record:
+                note_section(self.results, "training", self.record["training"])
             finished.unlink(missing_ok=True)  # until it is done again
         self.bar.update(self.env_steps - self.bar.n)
         self._clock = time.perf_counter()
