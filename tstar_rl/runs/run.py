@@ -19,7 +19,7 @@ from tqdm import tqdm
 from tstar_rl.runs import checkpoint, lock
 from tstar_rl.runs.csv_tables import LogError, MetricsLog
 from tstar_rl.runs.files import replacing
-from tstar_rl.runs.run_folder import note_resumed, run_path, write_config
+from tstar_rl.runs.run_folder import note_resumed, note_training, run_path, write_config
 
 __all__ = ["MACHINE_ONLY", "Run"]
 
@@ -102,14 +102,27 @@ class Run:
             write_config(self.results, self.config)
         else:
             try:
-                checkpoint.load(found, self.components, **self.record)
+                checkpoint.load(found, self.components, **self._as_begun(checkpoint.read_record(found)))
             except (checkpoint.CheckpointMismatchError, checkpoint.DamagedCheckpointError, LogError) as error:
                 raise type(error)(f"{error} (resume=false starts over)") from error
             note_resumed(self.results, self.env_steps)
+            note_training(self.results, self.record["training"])
         (self.work / "finished.json").unlink(missing_ok=True)  # until it is done again
         self.bar.update(self.env_steps - self.bar.n)
         self._clock = time.perf_counter()
         return self.env_steps
+
+    def _as_begun(self, saved: Mapping[str, Any]) -> dict[str, Any]:
+        """What is asked for, but with the fewer steps that a training was given: it goes on from them.
+
+        It may where nothing in it follows the share of its steps that is done, so at scale=scratch.
+        """
+        asked = self.record
+        scheduled = asked["exploration"] is not None or asked["ppo"]["linear_decay"]
+        before = saved["training"]["total_steps"]
+        if scheduled or "from_checkpoint" in asked or not before < asked["training"]["total_steps"]:
+            return asked
+        return {**asked, "training": {**asked["training"], "total_steps": before}}
 
     def log(self, env_steps: int, **row: Any) -> None:
         """Adds a row at `env_steps` and moves the bar."""

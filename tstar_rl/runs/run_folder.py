@@ -89,6 +89,13 @@ def note_resumed(folder: Path, env_steps: int) -> None:
     _note_later(folder, {"what": "resumed", "env_steps": env_steps})
 
 
+def note_training(folder: Path, values: Mapping[str, Any]) -> None:
+    """Replaces the section training of config.yaml: a run that goes on may have been given more steps."""
+    with turn_to_write(folder):
+        kept = yaml.safe_load((folder / "config.yaml").read_text())
+        _replace(folder, {**kept, "training": dict(values)})
+
+
 def note_evaluation(folder: Path, config: Mapping[str, Any]) -> None:
     """Writes an evaluation's config.yaml, unless the folder has that of a training, which stays.
 
