@@ -32,7 +32,8 @@ def test_the_pages_and_the_readme_are_what_the_published_tables_say():
 QUOTED = [
     "tstar_costliest - buffer_costliest", "tstar_between_costliest - buffer_costliest", "tstar - buffer_bonus",
     "tstar_between - buffer_bonus", "tstar - buffer",
-    "feasibility_costliest - buffer_costliest", "buffer_costliest - buffer", "in_order_cloned - tstar",
+    "feasibility_costliest - buffer_costliest", "from_scratch: tstar - gaussian",
+    "buffer_costliest - buffer", "in_order_cloned - tstar",
     "input_floor: floored - no_finetuning", "input_floor: tstar - no_finetuning", "input_floor: floored - tstar",
     "input_floor: tstar - gaussian",
     "buffer_costliest - buffer", "tstar_costliest - tstar", "in_order_demonstrated - in_order",
@@ -40,6 +41,7 @@ QUOTED = [
     "in_order_cloned - gaussian", "no_finetuning_jittered - no_finetuning", "gaussian - no_finetuning_jittered",
     "gaussian - no_finetuning", "in_order - tstar", "buffer_costliest - buffer", "tstar_costliest - tstar",
     "tstar_costliest - buffer_costliest", "feasibility_costliest - buffer_costliest",
+    "from_scratch: tstar - gaussian", "from_scratch: floored - no_finetuning",
     "in_order_cloned - in_order_demonstrated",
 ]  # fmt: skip
 """The arms of each difference with an interval in the notes, in their order; the last one is the README's own."""
@@ -57,7 +59,7 @@ def test_differences_in_the_text_are_those_of_the_tables_and_their_intervals_are
     assert len(quoted) == len(QUOTED), [f"{value}{words}" for value, words, *_ in quoted]
     rows = {
         name: read_experiment(PUBLISHED / name).chosen("table_lack")
-        for name in ("beyond_tstar", "input_floor")
+        for name in ("beyond_tstar", "from_scratch", "input_floor")
     }
     wrong = []
     for named, (value, words, *ends) in zip(QUOTED, quoted, strict=True):
