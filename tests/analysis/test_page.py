@@ -41,7 +41,7 @@ QUOTED = [
     "in_order_cloned - gaussian", "no_finetuning_jittered - no_finetuning", "gaussian - no_finetuning_jittered",
     "gaussian - no_finetuning", "in_order - tstar", "buffer_costliest - buffer", "tstar_costliest - tstar",
     "tstar_costliest - buffer_costliest", "feasibility_costliest - buffer_costliest",
-    "from_scratch: tstar - gaussian", "from_scratch: floored - no_finetuning",
+    "from_scratch: tstar - gaussian", "from_scratch: tstar - buffer_bonus", "from_scratch: floored - no_finetuning",
     "in_order_cloned - in_order_demonstrated",
 ]  # fmt: skip
 """The arms of each difference with an interval in the notes, in their order; the last one is the README's own."""
