@@ -1,81 +1,17 @@
-"""Which steps of a pipeline are done, by files with made-up times, and that recipes leave out what is done."""
+"""Which steps of a pipeline are done, by files with made-up times."""
 
-import functools
-import os
 import shutil
-from collections.abc import Sequence
-from pathlib import Path
 
-import pandas as pd
 import pytest
-import yaml
+from finished_steps import SUBTASKS, finish
 from hydra import compose, initialize_config_dir
-from recipe_runs import load_recipe
-from recorded import leave_demonstrations
 
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.values import CONFIGS, plain
-from tstar_rl.demonstrations.header import DemonstrationError
-from tstar_rl.launch import experiment, steps
-from tstar_rl.launch.steps import check_chain, is_done, missing, step_config, step_files
+from tstar_rl.launch import steps
+from tstar_rl.launch.steps import check_chain, is_done, missing, step_config
 from tstar_rl.runs.mismatch import CheckpointMismatchError
 from tstar_rl.runs.run_config import note_evaluation, write_config
-
-SUBTASKS = 4
-
-
-def test_a_recipe_passes_on_what_is_not_its_own(monkeypatch):
-    given = [
-        "scale=quick",
-        "seeds=[0,1]",
-        "++seeds=[2]",
-        "+bench.steps=3",
-        "~minutes",
-        "seed=1",
-        "env.max_steps=4",
-    ]
-    hydra = type("Hydra", (), {"overrides": type("Overrides", (), {"task": given})})
-    monkeypatch.setattr(steps.HydraConfig, "get", lambda: hydra)
-    assert steps.passed_on(("seeds", "bench", "minutes")) == ["scale=quick", "seed=1", "env.max_steps=4"]
-
-
-@pytest.fixture
-def shared(tmp_path):
-    """Values that every step is given, while Hydra's configs are there."""
-    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
-        yield ["scale=quick", *places(tmp_path)]
-
-
-def places(folder: Path) -> list[str]:
-    return [f"{name}_dir={folder / name}" for name in ("results", "runs", "demonstrations")]
-
-
-def finish(
-    step: tuple[str, ...], shared: Sequence[str], at: int, modes: tuple[str, ...] | None = None
-) -> None:
-    """Leaves behind what a step does, written `at` some second."""
-    config = steps.step_config(step, shared)
-    for file in step_files(step, config):
-        file.parent.mkdir(parents=True, exist_ok=True)
-        if step[0] == "evaluate":
-            number = (
-                config.evaluation.whole_episodes if config.subtask is None else config.evaluation.episodes
-            )
-            rows = [
-                {"checkpoint": "last", "mode": mode, "seed": config.seed, "episodes": number}
-                for mode in modes or config.modes
-            ]
-            pd.DataFrame(rows).to_csv(file, index=False)
-        elif step[0] == "make_demonstrations":
-            leave_demonstrations(file, plain(config))
-        else:
-            file.write_text("{}")
-        os.utime(file, (at, at))
-    if step[0] not in ("evaluate", "make_demonstrations"):
-        results = Path(config.results_dir) / step_files(step, config)[0].parent.relative_to(config.runs_dir)
-        results.mkdir(parents=True, exist_ok=True)
-        (results / "config.yaml").write_text(yaml.safe_dump(plain(config)))
-
 
 TRAIN, EVALUATE = ("gail_ppo", "subtask=1"), ("evaluate", "system=gail_ppo", "subtask=1")
 CHAIN, TRIED = ("tstar",), ("evaluate", "system=tstar")
@@ -149,8 +85,9 @@ def test_a_training_whose_results_are_gone_is_not_done(shared):
 def test_a_training_of_spirl_that_may_go_on_is_not_done(shared):
     step = ("spirl", "subtask=0")
     finish(step, shared, at=1)
-    assert is_done(step, shared) and is_done((*step, "spirl.total_steps=1"), shared)
-    assert not is_done((*step, "spirl.total_steps=99000000"), shared)
+    assert is_done(step, shared) and not is_done((*step, "spirl.total_steps=99000000"), shared)
+    with pytest.raises(CheckpointMismatchError, match="spirl.total_steps was .*is 1 now"):
+        is_done((*step, "spirl.total_steps=1"), shared)
 
 
 def test_an_evaluation_has_all_modes_and_the_episodes_that_are_asked_for(shared):
@@ -172,36 +109,6 @@ def test_an_evaluation_has_every_checkpoint_that_its_run_has_left(shared):
     assert is_done(EVALUATE, shared)
     (run / "best").mkdir()  # the table has no row of it
     assert not is_done(EVALUATE, shared) and is_done((*EVALUATE, "checkpoints=[last]"), shared)
-
-
-def test_demonstrations_are_done_if_every_file_is_there(shared):
-    one = ("make_demonstrations", "subtask=0", "kinds=[noisy]")
-    finish(one, shared, at=1)
-    assert is_done(one, shared)
-    for other in (("kinds=[plain]", "subtask=0"), ("kinds=[noisy]",), ("whole=true", "kinds=[noisy]")):
-        assert not is_done(("make_demonstrations", *other), shared)
-
-
-@pytest.mark.parametrize(
-    ("other", "message"),
-    [
-        (
-            "demonstrations.episodes=7",
-            "subtask0_noisy.npz: it has 100 episodes, and demonstrations.episodes is 7",
-        ),
-        (
-            "demonstrations.noise=0.3",
-            "a noise of 0.15, and demonstrations.noise is 0.3; delete it, or set resume=fal",
-        ),
-        ("+env.snap=true", "snap was False when it was saved, and is True now"),
-    ],
-)
-def test_demonstrations_that_were_made_otherwise_are_not_passed_over(shared, other, message):
-    one = ("make_demonstrations", "subtask=0", "kinds=[noisy]")
-    finish(one, shared, at=1)
-    with pytest.raises(DemonstrationError, match=message):
-        is_done((*one, other), shared)
-    assert not is_done((*one, other, "resume=false"), shared)
 
 
 def test_a_training_that_was_finished_with_another_config_is_no_step_that_is_done(shared):
@@ -227,53 +134,3 @@ def test_a_training_that_may_go_on_is_not_done_if_more_steps_are_asked_for(share
     assert is_done(TRAIN, free) and not is_done(TRAIN, [*free, more])
     with pytest.raises(CheckpointMismatchError, match="training.total_steps was .*is 99 now"):
         is_done(TRAIN, [*free, fewer])
-
-
-@pytest.fixture
-def pipeline(call, monkeypatch, tmp_path):
-    """Calls a recipe that starts recipes; returns the steps that it runs, each of which leaves its files behind."""
-
-    composed = functools.cache(step_config)  # most of the time goes into this
-    monkeypatch.setattr(steps, "step_config", lambda step, shared=(): composed(step, tuple(shared)))
-
-    def run(name: str, *values: str) -> list[tuple[str, ...]]:
-        taken, module = [], load_recipe(name)
-
-        def record(step, shared=(), line=0):
-            taken.append(step)
-            if step[0] != "plot":
-                finish(step, shared, at=len(taken))
-
-        monkeypatch.setattr(module, "launcher", lambda config: record)
-        for place in (experiment, module):
-            monkeypatch.setattr(place, "mean_bonus", lambda metrics: 0.25, raising=False)
-        call(name, *places(tmp_path), *values, module=module)
-        return taken
-
-    return run
-
-
-def test_assemble_runs_every_step_once(pipeline, tmp_path):
-    first = pipeline("assemble", "scale=quick", "processes=1")
-    assert len(first) == 2 * SUBTASKS + 5 + 2 + SUBTASKS + 1
-    plain = "terminal_reward={score: terminal, baseline: none}"  # of T-STAR's controls, which read no others
-    bonus = ("system=policy_sequencing_bonus", "seed=0", plain)
-    chained = first.index(("tstar", "seed=0"))
-    assert first[chained + 1] == ("policy_sequencing", *bonus, "bonus=0.25")  # what T-STAR paid is known then
-    assert pipeline("assemble", "scale=quick", "processes=1") == [("plot",)]
-    finished = tmp_path / "runs/table_lack/policy_sequencing/seed0/finished.json"
-    finished.unlink()
-    again = pipeline("assemble", "scale=quick", "processes=1")
-    assert again == [
-        ("policy_sequencing", "seed=0", plain),
-        ("evaluate", "system=policy_sequencing", "seed=0"),
-        ("plot",),
-    ]
-
-
-def test_baselines_are_made_once(pipeline):
-    values = ["scale=whole_quick", "only=[bc,ppo]", "processes=1"]
-    assert [step[0] for step in pipeline("baselines", *values)] == [
-        "make_demonstrations", "bc", "evaluate", "ppo", "evaluate",
-    ]  # fmt: skip
-    assert pipeline("baselines", *values) == []

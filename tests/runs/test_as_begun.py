@@ -18,6 +18,13 @@ def test_a_training_goes_on_to_more_steps(values):
     assert as_begun(BEGUN, more) == {**more, "training": {"total_steps": 10, "horizon": 2}}
 
 
+def test_spirl_goes_on_to_more_of_its_own_steps_whatever_else_it_has():
+    scheduled = {"ppo": {"linear_decay": True}, "training": {"total_steps": 99}}
+    begun, more = ({**FREE, **scheduled, "spirl": {"total_steps": steps}} for steps in (10, 20))
+    assert as_begun(begun, more) == begun
+    assert as_begun(more, begun) == begun
+
+
 @pytest.mark.parametrize(
     "other",
     [

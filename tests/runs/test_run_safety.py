@@ -122,6 +122,18 @@ def test_another_config_stops_a_run_that_resumes_and_leaves_it_finished(tmp_path
     assert contents(tmp_path) == before
 
 
+def test_more_steps_without_a_checkpoint_to_go_on_from_leave_a_run_finished(tmp_path):
+    run = a_run(tmp_path, training={"total_steps": 1})
+    run.start(module=torch.nn.Linear(1, 1))
+    run.finish()
+    before = contents(tmp_path)
+    with pytest.raises(
+        CheckpointMismatchError, match="no checkpoint to go on from.*resume=false starts over"
+    ):
+        a_run(tmp_path, training={"total_steps": 2}).start(module=torch.nn.Linear(1, 1))
+    assert contents(tmp_path) == before
+
+
 def test_a_commit_says_whether_the_code_differs_from_it(tmp_path, monkeypatch):
     package = tmp_path / "tstar_rl" / "runs"
     package.mkdir(parents=True)

@@ -15,6 +15,7 @@ from tstar_rl.config.build import load_skill
 from tstar_rl.rollouts.collection import Collection, with_starts
 from tstar_rl.runs import checkpoint
 from tstar_rl.runs.mismatch import CheckpointMismatchError
+from tstar_rl.runs.run_config import read_config
 from tstar_rl.spirl import (
     TRANSITION,
     LatentExecution,
@@ -97,6 +98,19 @@ class TestSpirlTraining:
         expected = self.latents(first)
         torch.randn(99)
         assert torch.equal(self.latents(second), expected)
+
+    def test_one_that_goes_on_to_more_steps_ends_like_one_that_had_them_at_once(self, tmp_path):
+        def make_env() -> FurnitureEnv:  # whose simulations a checkpoint has
+            return FurnitureEnv("table_lack", 3, 0, seed=0, max_steps=8)
+
+        budgets = [{"total_steps": steps, "checkpoint_every": 12} for steps in (24, 48)]
+        at_once = self.latents(self.make(make_env, tmp_path / "a", spirl=budgets[1]))
+        self.latents(self.make(make_env, tmp_path / "b", spirl=budgets[0]))
+        training = self.make(make_env, tmp_path / "b", spirl=budgets[1])
+        assert training.steps == 24 and not training.is_new
+        assert torch.equal(self.latents(training), at_once[:, 2:])
+        assert training.steps == 48
+        assert read_config(training.run.results)["spirl"] == budgets[1]
 
     def test_the_best_agent_is_kept(self, make_env, tmp_path):
         training = self.make(make_env, tmp_path)

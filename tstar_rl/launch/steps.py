@@ -72,7 +72,7 @@ def is_done(step: Step, shared: Sequence[str] = (), ignored: Sequence[str] = ())
     """Whether a step need not be run: its files are there, and are what the step would make.
 
     Demonstrations are done if their files are there, and hold what the step would make. A training is done if it has
-    finished with the same config (SPiRL's also with more steps than are asked for) and its results are there. One that
+    finished with the same config and its results are there. One that
     may go on to more steps (`as_begun`) is not done if more are asked for than it was given. Whether
     its demonstrations or skills were made again since is not asked: with one config and one commit they are the same to
     the bit. An evaluation is done if every run that it evaluates has finished before it, and its table has each
@@ -101,10 +101,9 @@ def is_done(step: Step, shared: Sequence[str] = (), ignored: Sequence[str] = ())
     results, asked = run_folder(config, "results_dir"), plain(config)
     saved = read_config(results)
     ignored = (*MACHINE_ONLY, *ignored, *(CHAINING if step[0] in ONE_POLICY else ()))
-    totals = [values.get("spirl", {}).pop("total_steps", 0) for values in (saved, asked)]
     begun = as_begun(saved, asked)
     check_config(results, saved, {name: value for name, value in begun.items() if name not in ignored})
-    return bool(saved) and totals[0] >= totals[1] and begun == asked
+    return bool(saved) and begun == asked
 
 
 def missing(steps: Sequence[Step], shared: Sequence[str] = (), ignored: Sequence[str] = ()) -> list[Step]:

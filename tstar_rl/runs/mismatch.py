@@ -40,15 +40,16 @@ def as_begun(saved: Mapping[str, Any], asked: Mapping[str, Any]) -> dict[str, An
     """`asked`, but with the fewer steps that the training in `saved` was given, if it may go on from them.
 
     A training of one policy may, unless something in it follows the share of its steps that is done: rates that fall
-    in a line, or a fixed deviation that exploration lowers. Then it makes the same numbers as one that was given all
-    the steps at once.
+    in a line, or a fixed deviation that exploration lowers (nothing in SPiRL does). Then it makes the same numbers as
+    one that was given all the steps at once.
     """
+    section = "spirl" if "spirl" in asked else "training"
     fixed = asked.get("exploration") is not None and asked.get("networks", {}).get("std") == "fixed"
-    scheduled = fixed or asked.get("ppo", {}).get("linear_decay", False)
-    now, before = (values.get("training", {}).get("total_steps", 0) for values in (asked, saved))
+    scheduled = section == "training" and (fixed or asked.get("ppo", {}).get("linear_decay", False))
+    now, before = (values.get(section, {}).get("total_steps", 0) for values in (asked, saved))
     if scheduled or "from_checkpoint" in asked or not 0 < before < now:
         return dict(asked)
-    return {**asked, "training": {**asked["training"], "total_steps": before}}
+    return {**asked, section: {**asked[section], "total_steps": before}}
 
 
 def differences(saved: Any, wanted: Any, name: str = "") -> list[str]:

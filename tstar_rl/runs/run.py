@@ -114,8 +114,8 @@ class Run:
             except (CheckpointMismatchError, checkpoint.DamagedCheckpointError, LogError) as error:
                 raise type(error)(f"{error} (resume=false starts over)") from error
             note_resumed(self.results, self.env_steps)
-            if begun != self.record:
-                note_section(self.results, "training", self.record["training"])
+            for name in (name for name, value in begun.items() if value != self.record[name]):
+                note_section(self.results, name, self.record[name])
             finished.unlink(missing_ok=True)  # until it is done again
         self.bar.update(self.env_steps - self.bar.n)
         self._clock = time.perf_counter()
@@ -124,11 +124,12 @@ class Run:
     def _check_same(self) -> None:
         """Raises CheckpointMismatchError if the run that has finished here had another config."""
         saved = read_config(self.results)
-        if "spirl" in saved:  # of which the total is not recorded
-            saved["spirl"] = {
-                name: value for name, value in saved["spirl"].items() if name in self.record.get("spirl", ())
-            }
-        check_config(self.results, saved, self.record)
+        check_config(self.results, saved, begun := as_begun(saved, self.record))
+        if begun != self.record:
+            raise CheckpointMismatchError(
+                f"{self.work}: more steps are asked for than it was given, and it has no checkpoint to go on from: it "
+                "ended before checkpoint_every steps, or the checkpoints were deleted (resume=false starts over)"
+            )
 
     def log(self, env_steps: int, **row: Any) -> None:
         """Adds a row at `env_steps` and moves the bar."""

@@ -16,7 +16,6 @@ from tstar_rl.models.state_input import StateInput
 from tstar_rl.rollouts.collection import Collection, rollout_metrics
 from tstar_rl.runs import checkpoint
 from tstar_rl.runs.run import Run
-from tstar_rl.runs.run_config import note_section
 from tstar_rl.spirl.latent_execution import LatentPolicy
 from tstar_rl.spirl.model import LatentModel, LatentModelSettings, LatentPrior, make_latent_actor
 
@@ -130,11 +129,8 @@ class SpirlTraining:
         self.agent, self.seed, self.system = agent, seed, config["system"]
         self.total, self.save_every = config["spirl"]["total_steps"], config["spirl"]["checkpoint_every"]
         self.run = Run(config, config["subtask"], self.total)
-        # Nothing depends on the total, so it is not recorded: a run may be resumed with a larger one.
-        self.run.record["spirl"] = {k: v for k, v in config["spirl"].items() if k != "total_steps"}
         self.collection = Collection(env, agent.actor, 1)
         self.steps = self.run.start(agent=agent, collection=self.collection, **components)
-        note_section(self.run.results, "spirl", config["spirl"])
         self.is_new = self.steps == 0
         if self.is_new:
             torch.manual_seed(seed)

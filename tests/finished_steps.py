@@ -1,0 +1,46 @@
+"""What the steps of a pipeline leave behind, without running them."""
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import pandas as pd
+import yaml
+from recorded import leave_demonstrations
+
+from tstar_rl.config.values import plain
+from tstar_rl.launch import steps
+from tstar_rl.launch.steps import step_files
+
+SUBTASKS = 4
+
+
+def places(folder: Path) -> list[str]:
+    return [f"{name}_dir={folder / name}" for name in ("results", "runs", "demonstrations")]
+
+
+def finish(
+    step: tuple[str, ...], shared: Sequence[str], at: int, modes: tuple[str, ...] | None = None
+) -> None:
+    """Leaves behind what a step does, written `at` some second."""
+    config = steps.step_config(step, shared)
+    for file in step_files(step, config):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        if step[0] == "evaluate":
+            number = (
+                config.evaluation.whole_episodes if config.subtask is None else config.evaluation.episodes
+            )
+            rows = [
+                {"checkpoint": "last", "mode": mode, "seed": config.seed, "episodes": number}
+                for mode in modes or config.modes
+            ]
+            pd.DataFrame(rows).to_csv(file, index=False)
+        elif step[0] == "make_demonstrations":
+            leave_demonstrations(file, plain(config))
+        else:
+            file.write_text("{}")
+        os.utime(file, (at, at))
+    if step[0] not in ("evaluate", "make_demonstrations"):
+        results = Path(config.results_dir) / step_files(step, config)[0].parent.relative_to(config.runs_dir)
+        results.mkdir(parents=True, exist_ok=True)
+        (results / "config.yaml").write_text(yaml.safe_dump(plain(config)))

@@ -1,0 +1,75 @@
+"""Recipes that start others leave out what is done."""
+
+import functools
+
+import pytest
+from finished_steps import SUBTASKS, finish, places
+from recipe_runs import load_recipe
+
+from tstar_rl.launch import experiment, steps
+from tstar_rl.launch.steps import step_config
+
+
+def test_a_recipe_passes_on_what_is_not_its_own(monkeypatch):
+    given = [
+        "scale=quick",
+        "seeds=[0,1]",
+        "++seeds=[2]",
+        "+bench.steps=3",
+        "~minutes",
+        "seed=1",
+        "env.max_steps=4",
+    ]
+    hydra = type("Hydra", (), {"overrides": type("Overrides", (), {"task": given})})
+    monkeypatch.setattr(steps.HydraConfig, "get", lambda: hydra)
+    assert steps.passed_on(("seeds", "bench", "minutes")) == ["scale=quick", "seed=1", "env.max_steps=4"]
+
+
+@pytest.fixture
+def pipeline(call, monkeypatch, tmp_path):
+    """Calls a recipe that starts recipes; returns the steps that it runs, each of which leaves its files behind."""
+
+    composed = functools.cache(step_config)  # most of the time goes into this
+    monkeypatch.setattr(steps, "step_config", lambda step, shared=(): composed(step, tuple(shared)))
+
+    def run(name: str, *values: str) -> list[tuple[str, ...]]:
+        taken, module = [], load_recipe(name)
+
+        def record(step, shared=(), line=0):
+            taken.append(step)
+            if step[0] != "plot":
+                finish(step, shared, at=len(taken))
+
+        monkeypatch.setattr(module, "launcher", lambda config: record)
+        for place in (experiment, module):
+            monkeypatch.setattr(place, "mean_bonus", lambda metrics: 0.25, raising=False)
+        call(name, *places(tmp_path), *values, module=module)
+        return taken
+
+    return run
+
+
+def test_assemble_runs_every_step_once(pipeline, tmp_path):
+    first = pipeline("assemble", "scale=quick", "processes=1")
+    assert len(first) == 2 * SUBTASKS + 5 + 2 + SUBTASKS + 1
+    plain = "terminal_reward={score: terminal, baseline: none}"  # of T-STAR's controls, which read no others
+    bonus = ("system=policy_sequencing_bonus", "seed=0", plain)
+    chained = first.index(("tstar", "seed=0"))
+    assert first[chained + 1] == ("policy_sequencing", *bonus, "bonus=0.25")  # what T-STAR paid is known then
+    assert pipeline("assemble", "scale=quick", "processes=1") == [("plot",)]
+    finished = tmp_path / "runs/table_lack/policy_sequencing/seed0/finished.json"
+    finished.unlink()
+    again = pipeline("assemble", "scale=quick", "processes=1")
+    assert again == [
+        ("policy_sequencing", "seed=0", plain),
+        ("evaluate", "system=policy_sequencing", "seed=0"),
+        ("plot",),
+    ]
+
+
+def test_baselines_are_made_once(pipeline):
+    values = ["scale=whole_quick", "only=[bc,ppo]", "processes=1"]
+    assert [step[0] for step in pipeline("baselines", *values)] == [
+        "make_demonstrations", "bc", "evaluate", "ppo", "evaluate",
+    ]  # fmt: skip
+    assert pipeline("baselines", *values) == []
