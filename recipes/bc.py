@@ -6,12 +6,14 @@ python recipes/bc.py task=table_lack subtask=0
 from omegaconf import DictConfig
 
 import tstar_rl as rl
+from tstar_rl.runs.mismatch import NOT_CLONED
 
 
 @rl.recipe("bc")
 def main(config: DictConfig) -> None:
     """Trains, logs and saves."""
-    run, skill = rl.Run(rl.plain(config), config.subtask), rl.new_skill(config, config.subtask)
+    run = rl.Run(rl.plain(config), config.subtask, unread=NOT_CLONED)
+    skill = rl.new_skill(config, config.subtask)
     expert = rl.load_demonstrations(config, config.subtask)
     run.start(skill=skill)
     skill.normalizer.fit(expert.observations, config.normalizer.floor)

@@ -24,6 +24,7 @@ from tqdm import tqdm
 from tstar_rl.chaining.chain import ChainPolicy, chain_folders
 from tstar_rl.checks import InvalidValueError, MissingFileError
 from tstar_rl.config.build import environment, load_skill
+from tstar_rl.config.chain import check_links
 from tstar_rl.config.load import recipe
 from tstar_rl.config.pretrained import take_pretrained
 from tstar_rl.config.values import plain
@@ -77,8 +78,8 @@ def main(config: DictConfig) -> None:
             recorder.write(results)
             env.close()
             film = False  # the first checkpoint's first mode alone
+    note_evaluation(results, plain(config))  # first: a table whose world nobody noted would pass for any
     table = append_rows(results / "evaluation.csv", rows, ("checkpoint", "mode", "seed"))
-    note_evaluation(results, plain(config))
     print(table.round(3).to_string(index=False))
     print(results / "evaluation.csv")
     for policy in policies.values():
@@ -108,6 +109,8 @@ def _trained(config: DictConfig, begun_with: str, folders: list[Path]) -> Candid
     """One skill, or the chain of the skills in these folders."""
     skills = [load_skill(folder, task=config.task.name) for folder in folders]
     chain = len(skills) > 1
+    if chain:
+        check_links(config, len(skills))
     policy = (ChainPolicy(skills) if chain else skills[0].policy).to(config.device)
     links = len(skills) if chain else None
     return Candidate(

@@ -35,8 +35,8 @@ def main(config: DictConfig) -> None:
         recorder = Recorder(env.base_env, recorded)
         row = evaluate(env.base_env.expert(), env, each_step=recorder)
         spent = {"env_steps": 0, "minutes": 0.0, "seed": config.seed}
-        _write(results, {"checkpoint": "script", "mode": "deterministic", **row, **spent})
         note_evaluation(results, {**plain(config), "subtask": subtask})
+        _write(results, {"checkpoint": "script", "mode": "deterministic", **row, **spent})
         recorder.write(results)
         env.close()
 

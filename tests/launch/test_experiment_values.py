@@ -52,6 +52,15 @@ from tstar_rl.launch.experiment_values import parse_experiment
             {"arms": [{"name": "a", "recipe": "tstar", "whole": True}]},
             "a is one policy for the whole task, which recipe tstar does not train",
         ),
+        (
+            {"arms": [{"name": "no_finetuning", "recipe": "no_finetuning", "overrides": ["chain.links=2"]}]},
+            "no_finetuning trains nothing, so that overrides would do nothing",
+        ),
+        (
+            {"arms": [{"name": "a", "recipe": "tstar", "seeds": [7, 20]}]},
+            "a has seeds 20, which no task has; there are 7",
+        ),
+        ({"demonstrations_dir": "elsewhere"}, "experiment.demonstrations_dir is no value of the file"),
         ({"arms": [{"name": "a", "recipe": "tstar"}] * 2}, "two arms of one name: a, a"),
         (
             {"arms": [{"name": "a", "recipe": "no_finetuning"}]},

@@ -1,10 +1,12 @@
 """Publishing finished runs."""
 
 import errno
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
 from tstar_rl.launch.published import publish
+from tstar_rl.runs.files import turn_to_write
 
 
 def test_finished_runs_are_published_and_others_are_not(tmp_path):
@@ -19,6 +21,17 @@ def test_finished_runs_are_published_and_others_are_not(tmp_path):
         "b/table_lack/tstar/seed7/metrics.csv",
         "b/table_lack/tstar/seed7/evaluation.csv",
     ]
+
+
+def test_two_processes_that_publish_take_turns(tmp_path):
+    (tmp_path / "a/one").mkdir(parents=True)
+    (tmp_path / "a/one/evaluation.csv").write_text("progress\n1\n")
+    with ThreadPoolExecutor(1) as pool, turn_to_write(tmp_path / "b/one"):
+        writing = pool.submit(publish, tmp_path / "a", tmp_path / "b")
+        with pytest.raises(TimeoutError):
+            writing.result(0.2)
+        (tmp_path / "b/one/evaluation.csv").write_text("progress\n1\n")
+    assert writing.result() == []
 
 
 def test_a_run_made_anew_with_the_same_figures_keeps_its_first_tables(tmp_path):

@@ -123,6 +123,12 @@ def test_a_training_that_was_finished_with_another_config_is_no_step_that_is_don
     assert is_done(CHAIN, [*shared, "ppo.epochs=7"], ignored=["ppo"])
 
 
+def test_clones_are_done_whatever_a_training_that_they_do_not_have_is_given(shared):
+    finish(("bc", "subtask=0"), shared, at=1)
+    for number in (1, 99_000_000):
+        assert is_done(("bc", "subtask=0", f"training.total_steps={number}"), shared)
+
+
 def test_a_training_that_may_go_on_is_not_done_if_more_steps_are_asked_for(shared):
     more, fewer = "training.total_steps=99000000", "training.total_steps=99"
     finish(TRAIN, shared, at=1)

@@ -14,6 +14,7 @@ from tstar_rl.runs import checkpoint, lock, versions
 from tstar_rl.runs.csv_tables import LogError
 from tstar_rl.runs.lock import RunInUseError
 from tstar_rl.runs.mismatch import CheckpointMismatchError
+from tstar_rl.runs.run import Run
 
 ROOT = Path(__file__).resolve().parents[2]
 HOLD = "import sys; from pathlib import Path; from tstar_rl.runs import lock; lock.hold(Path(sys.argv[1])); "
@@ -120,6 +121,39 @@ def test_another_config_stops_a_run_that_resumes_and_leaves_it_finished(tmp_path
     with pytest.raises(CheckpointMismatchError, match="size was None.*resume=false starts over"):
         a_run(tmp_path, size=3).start(module=torch.nn.Linear(1, 1))
     assert contents(tmp_path) == before
+
+
+def test_an_evaluation_is_of_the_steps_that_a_run_was_given(tmp_path):
+    run = a_run(tmp_path, training={"total_steps": 1})
+    run.start()
+    run.log(10)
+    run.save_if_due(0)
+    run.finish()
+    table = run.results / "evaluation.csv"
+    table.write_text("progress\n1\n")
+    a_run(tmp_path, training={"total_steps": 1}).start()
+    assert table.is_file()
+    a_run(tmp_path, training={"total_steps": 2}).start()
+    assert not table.is_file()
+
+
+def test_what_a_recipe_does_not_read_may_differ_when_its_run_is_resumed(tmp_path):
+    places = {name: str(tmp_path / name) for name in ("results_dir", "runs_dir")}
+    config = {
+        "task": {"name": "table"},
+        "system": "bc",
+        "seed": 0,
+        "resume": True,
+        "progress_bar": False,
+        **places,
+    }
+    run = Run({**config, "chain": {"rounds": 1}})
+    run.start()
+    run.log(10)
+    run.save_if_due(0)
+    assert Run({**config, "chain": {"rounds": 3}}, unread=("chain",)).start() == 10
+    with pytest.raises(CheckpointMismatchError, match="chain.rounds was 1 .* and is 3 now"):
+        Run({**config, "chain": {"rounds": 3}}, unread=()).start()
 
 
 def test_more_steps_without_a_checkpoint_to_go_on_from_leave_a_run_finished(tmp_path):

@@ -24,6 +24,7 @@ from tstar_rl.rollouts.ray_collection import RayCollection
 from tstar_rl.rollouts.starts import make_starts
 from tstar_rl.rollouts.state_sets import TerminationSet
 from tstar_rl.runs import checkpoint
+from tstar_rl.runs.mismatch import CHAINING
 from tstar_rl.runs.run import Run
 from tstar_rl.seeds import derive_seed
 from tstar_rl.spirl import LatentModelSettings, SpirlAgent
@@ -180,7 +181,7 @@ def training_settings(config: DictConfig, **ppo: Any) -> TrainingSettings:
 def skill_training(config: DictConfig) -> SkillTraining:
     """The training of the skill of config.subtask, or of one policy of the whole task."""
     subtask, steps = config.subtask, config.training.total_steps
-    run = Run(plain(config), subtask, steps)
+    run = Run(plain(config), subtask, steps, unread=CHAINING)
     seed = derive_seed(config.seed, "train", subtask)
     skill = new_skill(config, subtask)
     expert = load_demonstrations(config, subtask)

@@ -16,6 +16,7 @@ from tstar_rl.chaining.skill import Skill
 from tstar_rl.chaining.trials import run_trial
 from tstar_rl.chaining.turns import Turn
 from tstar_rl.config.build import environment, load_demonstrations, make_collection, training_settings
+from tstar_rl.config.check import ConfigError
 from tstar_rl.config.ranges import chain_length
 from tstar_rl.config.values import plain
 from tstar_rl.demonstrations.collect import collect
@@ -28,7 +29,7 @@ from tstar_rl.runs.run import Run
 from tstar_rl.runs.run_folder import run_path
 from tstar_rl.seeds import derive_seed
 
-__all__ = ["chain_turns", "load_skills", "turn_shape"]
+__all__ = ["chain_turns", "check_links", "load_skills", "turn_shape"]
 
 
 def chain_turns(config: DictConfig) -> Iterator[Turn]:
@@ -116,6 +117,15 @@ class _Workshop:
 
     def _whole(self, episodes: int, seed: int) -> TransformedEnv:
         return environment(self.config, None, episodes, seed, max_steps=self.config.chain.trial_max_steps)
+
+
+def check_links(config: DictConfig, found: int) -> None:
+    """Raises ConfigError if chain.links asks for another number of skills than the `found` ones of a chain."""
+    if config.chain.links not in (None, found):
+        raise ConfigError(
+            f"chain.links is {config.chain.links}, and this chain has {found} skills: leave it out. It takes the first "
+            "skills where these are chained as they are (system=no_finetuning_<name>), or a chain is trained"
+        )
 
 
 def load_skills(config: DictConfig, checkpoint: str = "last") -> list[Skill]:

@@ -6,7 +6,7 @@ from torchrl.envs import TransformedEnv
 from tstar_rl.chaining.chain import load_chain
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.config.build import environment
-from tstar_rl.config.chain import load_skills
+from tstar_rl.config.chain import check_links, load_skills
 from tstar_rl.rollouts.state_sets import TerminationSet
 from tstar_rl.runs.run_folder import is_untrained, run_path
 
@@ -14,11 +14,17 @@ __all__ = ["chain_of", "env_at_seam"]
 
 
 def chain_of(config: DictConfig, system: str) -> list[Skill]:
-    """The skills of a system at config.checkpoint, in order."""
+    """The skills of a system at config.checkpoint, in order.
+
+    Raises:
+        ConfigError: if chain.links is not how many a trained chain has.
+    """
     if is_untrained(system):
         return load_skills(config, config.checkpoint)
     run = run_path(config.runs_dir, config.task.name, system, config.seed)
-    return [skill.to(config.device) for skill in load_chain(run / config.checkpoint, task=config.task.name)]
+    skills = load_chain(run / config.checkpoint, task=config.task.name)
+    check_links(config, len(skills))
+    return [skill.to(config.device) for skill in skills]
 
 
 def env_at_seam(

@@ -79,8 +79,12 @@ def _check_rewards(values: Mapping[str, Any], name: str) -> None:
             "reward.weights.tsr must be 0 for proximity, whose signal is paid by reward.weights.proximity; "
             f"got {weights['tsr']}"
         )
+    if values.get("bonus") is not None and not weights.get("tsr"):
+        raise ConfigError(
+            f"bonus is paid by reward.weights.tsr, which must not be 0 then; got bonus={values['bonus']}"
+        )
     given = {key: reward[key] for key, papers in PAPERS.items() if reward.get(key, papers) != papers}
-    if name in ("policy_sequencing", "proximity") and given:
+    if name in ("policy_sequencing", "proximity", "in_order", "in_order_cloned") and given:
         said = ", ".join(f"terminal_reward.{key}={value}" for key, value in given.items())
         raise ConfigError(
             f"{name} does not read terminal_reward, got {said}; tstar, scar_like, feasibility and hand_over_value do"
@@ -97,6 +101,11 @@ def _check_chain(values: Mapping[str, Any], name: str) -> None:
     if chain["logged_states"] and chain["logged_skill"] >= max(subtasks, LOGGED + 1):
         raise ConfigError(
             f"chain.logged_skill must be in 0..{subtasks - 1} for {values['task']['name']}, got {chain['logged_skill']}"
+        )
+    starts = chain["starts"]
+    if values.get("hard_starts") and not starts["gaussian"] + starts["buffer"]:
+        raise ConfigError(
+            f"hard_starts is a share of the chained starts, and chain.starts has none; got {values['hard_starts']}"
         )
     if values.get("demonstrated_ends") and values["skills"].partition("_")[0] != "bc":
         raise ConfigError(

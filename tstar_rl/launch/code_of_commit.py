@@ -11,6 +11,7 @@ from hydra.core.global_hydra import GlobalHydra
 
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.values import CONFIGS
+from tstar_rl.runs.files import turn_to_write
 
 __all__ = ["code_of_commit", "configs_of", "environ_of"]
 
@@ -29,9 +30,10 @@ def code_of_commit(commit: str, folder: Path, repository: Path = CONFIGS.parent)
     """
     commit = _hash_of(commit, repository)
     place = folder.resolve() / commit[:12]
-    if not place.is_dir():
-        _git(repository, "worktree", "prune")  # one that somebody deleted would be in the way
-        _git(repository, "worktree", "add", "--detach", str(place), commit)
+    with turn_to_write(place.parent):  # another process may be making it
+        if not place.is_dir():
+            _git(repository, "worktree", "prune")  # one that somebody deleted would be in the way
+            _git(repository, "worktree", "add", "--detach", str(place), commit)
     head, changed = _git(place, "rev-parse", "HEAD"), _git(place, "status", "--porcelain")
     if head != commit or changed:
         found = f"is of {head}" if not changed else f"was changed: {' '.join(changed.split())}"

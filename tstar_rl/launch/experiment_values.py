@@ -32,6 +32,11 @@ def parse_experiment(values: Mapping[str, Any]) -> DeclaredExperiment:
         "experiment",
         {"arms": tuple[dict[str, Any], ...], "seeds_by_task": dict[str, Any]},
     )
+    if values.get("demonstrations_dir") is not None:
+        raise InvalidValueError(
+            "experiment.demonstrations_dir is no value of the file: demonstrations lie in a folder of the experiment's "
+            "own; the command line may name another (demonstrations_dir=...)"
+        )
     plain, by_task = _with_tuples(values), values.get("seeds_by_task", {})
     if not values["arms"]:
         raise InvalidValueError("experiment.arms must name at least one, got none")
@@ -57,6 +62,11 @@ def _parse_arm(values: Mapping[str, Any], commit: str | None) -> Arm:
     arm = Arm(**_with_tuples(values))
     if arm.recipe == UNTRAINED and not arm.name.startswith(UNTRAINED):
         raise InvalidValueError(f"experiment.arms: {arm.name} trains nothing, so call it {UNTRAINED}...")
+    if arm.recipe == UNTRAINED and (given := [name for name in ("overrides", "bonus_of") if name in values]):
+        raise InvalidValueError(
+            f"experiment.arms: {arm.name} trains nothing, so that {' and '.join(given)} would do nothing; what its "
+            "skills are trained with goes to skill_overrides, what every arm has to experiment.overrides"
+        )
     if arm.whole:
         _check_whole(arm, [name for name in OF_CHAINS if name in values])
     if arm.seeds is not None:
@@ -95,6 +105,12 @@ def _check_once(where: str, named: tuple[Any, ...]) -> None:
 
 def _check_arms(experiment: DeclaredExperiment) -> None:
     """Raises InvalidValueError for two arms of one name, or one whose skills or whose bonus some seed cannot know."""
+    for arm in experiment.arms:
+        if unknown := sorted(set(arm.seeds or ()) - set(experiment.every_seed)):
+            raise InvalidValueError(
+                f"experiment.arms: {arm.name} has seeds {', '.join(map(str, unknown))}, which no task has; there are "
+                f"{', '.join(map(str, experiment.every_seed))}"
+            )
     names = [arm.name for arm in experiment.arms]
     if len(set(names)) < len(names):
         raise InvalidValueError(f"experiment.arms has two arms of one name: {', '.join(names)}")

@@ -6,7 +6,7 @@ from pathlib import Path
 import pandas as pd
 
 from tstar_rl.checks import InvalidValueError
-from tstar_rl.runs.files import replacing
+from tstar_rl.runs.files import replacing, turn_to_write
 
 __all__ = ["publish"]
 
@@ -30,21 +30,26 @@ def publish(source: str | Path, target: str | Path) -> list[Path]:
     written, differ = [], []
     for file in sorted(Path(source).rglob("evaluation.csv")):
         there = Path(target) / file.relative_to(source)
-        if there.is_file():
-            differ += [there] if _figures(there) != _figures(file) else []
-            continue
-        there.parent.mkdir(parents=True, exist_ok=True)
-        for name in TABLES:
-            if file.with_name(name).is_file():
-                with replacing(there.with_name(name)) as partial:
-                    shutil.copyfile(file.with_name(name), partial)
-                written.append(there.with_name(name))
+        with turn_to_write(there.parent):
+            if there.is_file():
+                differ += [there] if _figures(there) != _figures(file) else []
+            else:
+                written += _copy(file.parent, there.parent)
     if differ:
         raise InvalidValueError(
             f"published before with other figures than those in {source}: {', '.join(map(str, differ))}; "
             "delete these folders if the new runs are to replace them"
         )
     return written
+
+
+def _copy(run: Path, place: Path) -> list[Path]:
+    """Copies the tables that a run has; returns where they lie then."""
+    tables = [name for name in TABLES if (run / name).is_file()]
+    for name in tables:
+        with replacing(place / name) as partial:
+            shutil.copyfile(run / name, partial)
+    return [place / name for name in tables]
 
 
 def _figures(file: Path) -> str:

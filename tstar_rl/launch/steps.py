@@ -20,7 +20,15 @@ from tstar_rl.config.load import ONE_POLICY
 from tstar_rl.config.ranges import chain_length
 from tstar_rl.config.values import plain
 from tstar_rl.launch.side_by_side import Step
-from tstar_rl.runs.mismatch import MACHINE_ONLY, CheckpointMismatchError, as_begun, check_config, differences
+from tstar_rl.runs.mismatch import (
+    CHAINING,
+    MACHINE_ONLY,
+    NOT_CLONED,
+    CheckpointMismatchError,
+    as_begun,
+    check_config,
+    differences,
+)
 from tstar_rl.runs.run_config import read_config
 from tstar_rl.runs.run_folder import is_untrained, run_path
 
@@ -36,10 +44,6 @@ __all__ = [
     "step_config",
     "step_files",
 ]
-
-CHAINING = ("chain", "terminal_reward", "d_omega", "skills")
-"""Sections that the recipes of `ONE_POLICY` do not read (but chain.capacity, which a chain of their skills compares).
-They may change after such a run has finished."""
 
 
 def passed_on(own: Container[str]) -> list[str]:
@@ -98,11 +102,13 @@ def is_done(step: Step, shared: Sequence[str] = (), ignored: Sequence[str] = ())
         return True
     if step[0] == "evaluate":
         return _is_evaluated(config)
-    results, asked = run_folder(config, "results_dir"), plain(config)
+    results = run_folder(config, "results_dir")
     saved = read_config(results)
-    ignored = (*MACHINE_ONLY, *ignored, *(CHAINING if step[0] in ONE_POLICY else ()))
+    unread = NOT_CLONED if step[0] == "bc" else CHAINING if step[0] in ONE_POLICY else ()
+    ignored = (*MACHINE_ONLY, *ignored, *unread)
+    asked = {name: value for name, value in plain(config).items() if name not in ignored}
     begun = as_begun(saved, asked)
-    check_config(results, saved, {name: value for name, value in begun.items() if name not in ignored})
+    check_config(results, saved, begun)
     return bool(saved) and begun == asked
 
 
@@ -177,7 +183,7 @@ def check_chain(config: DictConfig, system: str) -> None:
         CheckpointMismatchError: with what differs.
     """
     folder = run_path(config.results_dir, config.task.name, system, config.seed)
-    check_evaluation(folder, plain(config) | {"system": system})
+    check_evaluation(folder, plain(config))
 
 
 def _is_evaluated(config: DictConfig) -> bool:

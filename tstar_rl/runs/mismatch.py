@@ -6,7 +6,15 @@ from typing import Any
 
 from tstar_rl.checks import UserError
 
-__all__ = ["MACHINE_ONLY", "CheckpointMismatchError", "as_begun", "check_config", "differences"]
+__all__ = [
+    "CHAINING",
+    "MACHINE_ONLY",
+    "NOT_CLONED",
+    "CheckpointMismatchError",
+    "as_begun",
+    "check_config",
+    "differences",
+]
 
 MACHINE_ONLY = (
     "nthread",
@@ -20,6 +28,11 @@ MACHINE_ONLY = (
     "evaluation",
 )
 """Config values that do not change what a run computes."""
+CHAINING = ("chain", "terminal_reward", "d_omega", "skills")
+"""Sections that a recipe which trains one policy does not read, but for chain.capacity: a chain of its skills compares
+that."""
+NOT_CLONED = (*CHAINING, "training")
+"""Sections that behaviour cloning does not read."""
 
 
 class CheckpointMismatchError(UserError, ValueError):

@@ -9,7 +9,7 @@ import json
 import math
 import shutil
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from torch import Tensor
@@ -39,6 +39,7 @@ class Run:
         config: plain values; recorded, and compared when resuming.
         subtask: that the run trains, or None.
         total: environment steps, for the bar.
+        unread: sections of the config that the recipe does not read: they may differ when the run is resumed.
         trials: whether the best so far is told by `trial_progress`, where a row has it; otherwise it is told by a
             running mean of the subtasks completed in training.
 
@@ -47,13 +48,18 @@ class Run:
     """
 
     def __init__(
-        self, config: Mapping[str, Any], subtask: int | None = None, total: int = 0, trials: bool = False
+        self,
+        config: Mapping[str, Any],
+        subtask: int | None = None,
+        total: int = 0,
+        trials: bool = False,
+        unread: Sequence[str] = (),
     ) -> None:
         place = (config["task"]["name"], config["system"], config["seed"], subtask)
         self.results = run_path(config["results_dir"], *place)
         self.work = run_path(config["runs_dir"], *place)
         self._hold()
-        self.record = {name: value for name, value in config.items() if name not in MACHINE_ONLY}
+        self.record = {name: value for name, value in config.items() if name not in (*MACHINE_ONLY, *unread)}
         self.record["subtask"] = subtask
         self.config, self.total, self.trials = config, total, trials
         self.env_steps, self.seconds, self.turn, self.rated = 0, 0.0, 0, 0
@@ -116,6 +122,7 @@ class Run:
             note_resumed(self.results, self.env_steps)
             for name in (name for name, value in begun.items() if value != self.record[name]):
                 note_section(self.results, name, self.record[name])
+                (self.results / "evaluation.csv").unlink(missing_ok=True)  # of the run with fewer steps
             finished.unlink(missing_ok=True)  # until it is done again
         self.bar.update(self.env_steps - self.bar.n)
         self._clock = time.perf_counter()

@@ -15,6 +15,7 @@ from tstar_rl.models.relative_features import RelativeFeatures
 from tstar_rl.models.state_input import StateInput
 from tstar_rl.rollouts.collection import Collection, rollout_metrics
 from tstar_rl.runs import checkpoint
+from tstar_rl.runs.mismatch import CHAINING
 from tstar_rl.runs.run import Run
 from tstar_rl.spirl.latent_execution import LatentPolicy
 from tstar_rl.spirl.model import LatentModel, LatentModelSettings, LatentPrior, make_latent_actor
@@ -128,7 +129,7 @@ class SpirlTraining:
             raise InvalidValueError(f"SPiRL runs with collection.backend=local only, got {backend!r}")
         self.agent, self.seed, self.system = agent, seed, config["system"]
         self.total, self.save_every = config["spirl"]["total_steps"], config["spirl"]["checkpoint_every"]
-        self.run = Run(config, config["subtask"], self.total)
+        self.run = Run(config, config["subtask"], self.total, unread=CHAINING)
         self.collection = Collection(env, agent.actor, 1)
         self.steps = self.run.start(agent=agent, collection=self.collection, **components)
         self.is_new = self.steps == 0
