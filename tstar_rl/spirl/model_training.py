@@ -23,8 +23,9 @@ __all__ = ["LatentModelLoss", "ModelTrainingSettings", "split_windows", "train_l
 class ModelTrainingSettings:
     """Source: SPiRL's appendix and the code released with it for the defaults."""
 
-    beta: float = 5e-4
-    """Weight of the posterior's divergence from a unit Gaussian."""
+    beta: float = 5e-5
+    """Weight of the posterior's divergence from a unit Gaussian, summed over z. The released code's 5e-4 is of its mean
+    over ten dimensions."""
     epochs: int = 200
     minibatch: int = 128
     learning_rate: float = 1e-3
@@ -78,7 +79,7 @@ class LatentModelLoss(LossModule):
         "loss_prior",
     ]
 
-    def __init__(self, model: LatentModel, beta: float = 5e-4) -> None:
+    def __init__(self, model: LatentModel, beta: float = 5e-5) -> None:
         super().__init__()
         if beta < 0:
             raise ValueError(f"beta must not be negative, got {beta}")
