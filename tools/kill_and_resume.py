@@ -161,15 +161,16 @@ def untouched(subject: Subject, whole: Path, folder: Path) -> float:
     return time.perf_counter() - began
 
 
-def keep(subject: Subject, folder: Path, whole: Path) -> None:
-    """Adds to `whole` what a recipe that `assemble` does not run has left in `folder` when nobody killed it."""
-    for pattern in subject.leaves:
-        if any(whole.glob(pattern)):
-            continue
-        for found in folder.glob(pattern):
-            place = whole / found.relative_to(folder)
-            place.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copytree(found, place) if found.is_dir() else shutil.copyfile(found, place)
+def compared_with(subject: Subject, folder: Path, whole: Path) -> Path:
+    """What a killed recipe is compared with: `whole`, or, if `assemble` does not run it, what it has left in `folder`.
+
+    That is put beside `folder`, not into `whole`: there `assemble` itself would lack it.
+    """
+    if any(any(whole.glob(pattern)) for pattern in subject.leaves):
+        return whole
+    place = folder.with_suffix(".whole")
+    shutil.rmtree(place, ignore_errors=True)
+    return Path(shutil.copytree(folder, place))
 
 
 @dataclass
@@ -183,7 +184,13 @@ class Count:
 
 
 def torment(
-    subject: Subject, whole: Path, folder: Path, kills: int, seconds: float, draw: random.Random
+    subject: Subject,
+    whole: Path,
+    folder: Path,
+    kills: int,
+    seconds: float,
+    draw: random.Random,
+    compared: Path | None = None,
 ) -> Count:
     """Kills and resumes a recipe `kills` times, and compares what it leaves each time that it is done.
 
@@ -194,6 +201,7 @@ def torment(
         kills: how many.
         seconds: that it takes; each kill comes at a random moment within them.
         draw: of the moments.
+        compared: what its files are compared with; None: `whole`.
     """
     count, errors = Count(), folder.with_suffix(".err")
     prepare(subject, whole, folder)
@@ -212,7 +220,7 @@ def torment(
             count.failed += 1
             print(f"  FAILED: {errors.read_text()[-2000:]}")
             return count
-        wrong = differing(subject, whole, folder)
+        wrong = differing(subject, compared or whole, folder)
         count.completed, count.different = count.completed + 1, count.different + bool(wrong)
         print(f"  done; {'differs: ' + ', '.join(wrong) if wrong else 'the same'}")
         if count.kills >= kills:
@@ -243,13 +251,14 @@ def main() -> int:
             (folder / "whole.done").write_text(str(untouched(SUBJECTS["assemble"], whole, whole)))
         for number, name in enumerate(given.only):
             share = given.kills // len(given.only) + (number < given.kills % len(given.only))
+            subject, place, compared = SUBJECTS[name], folder / name, whole
             if name == "assemble":
                 seconds = float((folder / "whole.done").read_text())
             else:
-                seconds = untouched(SUBJECTS[name], whole, folder / name)
-                keep(SUBJECTS[name], folder / name, whole)
+                seconds = untouched(subject, whole, place)
+                compared = compared_with(subject, place, whole)
             print(f"{name}, {seconds:.0f} s, {share} kills")
-            counts[name] = torment(SUBJECTS[name], whole, folder / name, share, seconds, draw)
+            counts[name] = torment(subject, whole, place, share, seconds, draw, compared)
     table = pd.DataFrame({name: vars(count) for name, count in counts.items()}).T
     print(table.to_string())
     return int(table[["failed", "different"]].to_numpy().any())

@@ -122,6 +122,19 @@ def test_skills_differ_by_any_network_or_set_that_one_has(tmp_path):
     assert differs()
 
 
+def test_a_recipe_that_the_pipeline_does_not_run_is_compared_with_its_own_run(tmp_path):
+    subject = tool.Subject(("any",), (), ("results/signal.csv",))
+    whole, alone = tmp_path / "whole", tmp_path / "alone"
+    for folder, name in ((whole, "chain"), (alone, "signal")):
+        (folder / "results").mkdir(parents=True)
+        (folder / "results" / f"{name}.csv").write_text("row\n1\n")
+    compared = tool.compared_with(subject, alone, whole)
+    assert (compared / "results/signal.csv").is_file() and compared not in (whole, alone)
+    assert not (whole / "results/signal.csv").exists()
+    (whole / "results/signal.csv").write_text("row\n1\n")
+    assert tool.compared_with(subject, alone, whole) == whole
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(2400)
 def test_every_kind_of_recipe_survives_a_kill(monkeypatch, tmp_path, capsys):

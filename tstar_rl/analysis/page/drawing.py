@@ -37,7 +37,8 @@ CAPTIONS = {
     "single_policies": (
         "Policies of the whole task in training, from its own start: mean phase of their steps, which is that "
         "of the subtask at hand and so may fall as more are completed; and subtasks completed in an episode. Running "
-        f"means over {WINDOW} rollouts."
+        f"means over {WINDOW} rollouts. Whole tasks end sooner than failures, so the first points of the second "
+        "are too high."
     ),
 }
 
