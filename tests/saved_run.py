@@ -7,7 +7,9 @@ import torch
 from tstar_rl.runs.run import Run
 
 
-def a_run(folder: Path, resume: bool = True, trials: bool = False, **values) -> Run:
+def a_run(
+    folder: Path, resume: bool = True, trials: bool = False, unread: tuple[str, ...] = (), **values
+) -> Run:
     config = {
         "task": {"name": "table"},
         "system": "chain",
@@ -16,7 +18,7 @@ def a_run(folder: Path, resume: bool = True, trials: bool = False, **values) -> 
         "progress_bar": False,
     }
     places = {"results_dir": str(folder / "results"), "runs_dir": str(folder / "runs")}
-    return Run({**config, **places, **values}, trials=trials)
+    return Run({**config, **places, **values}, trials=trials, unread=unread)
 
 
 def contents(folder: Path) -> dict[str, bytes]:

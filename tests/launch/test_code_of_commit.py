@@ -1,6 +1,7 @@
 """Steps that are run with the code and the configs of an earlier commit."""
 
 import subprocess
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ from hydra import compose, initialize_config_dir
 from tstar_rl.config.values import CONFIGS
 from tstar_rl.launch.code_of_commit import code_of_commit, configs_of
 from tstar_rl.launch.side_by_side import run_recipe
+from tstar_rl.runs.files import turn_to_write
 
 SAY = """
 import os, pathlib, said
@@ -59,6 +61,16 @@ def test_configs_of_an_earlier_commit_are_composed_meanwhile(repository, tmp_pat
             with configs_of(code_of_commit(commit, tmp_path / "code", root)):
                 assert compose("recipe/say").recipe.word == word
         assert compose("recipe/gail_ppo").system == "gail_ppo"
+
+
+def test_a_checkout_that_another_process_is_making_is_waited_for(repository, tmp_path):
+    root, (old, _) = repository
+    with ThreadPoolExecutor(1) as pool, turn_to_write(tmp_path / "code"):
+        making = pool.submit(code_of_commit, old, tmp_path / "code", root)
+        with pytest.raises(TimeoutError):
+            making.result(0.3)
+        assert not list((tmp_path / "code").iterdir())
+    assert (making.result() / "said.py").is_file()
 
 
 def test_a_commit_that_is_not_there_is_refused(repository, tmp_path):

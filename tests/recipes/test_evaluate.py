@@ -159,6 +159,23 @@ def test_rows_films_and_config_lie_beside_each_other(recipe, call, tmp_path):
     assert "first failure" in (folder / "episodes.html").read_text() and len(list(folder.glob("*.html"))) == 1
 
 
+def test_a_table_that_is_not_written_leaves_a_note_of_its_world(recipe, call, tmp_path, monkeypatch):
+    """The other way round a kill between the two would leave rows that pass for those of any world."""
+    place = Path("table_lack/mine/seed4/subtask2")
+    Skill("table_lack", 2, NetworkSettings(hidden=(8,), std="fixed")).save(tmp_path / "runs" / place / "last")
+    values = ["modes=[deterministic]", "evaluation.episodes=2", "evaluation.recorded=0", "+env.max_steps=5"]
+    values += [f"runs_dir={tmp_path / 'runs'}", f"results_dir={tmp_path / 'results'}"]
+
+    def killed(*given):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(recipe, "append_rows", killed)
+    with pytest.raises((KeyboardInterrupt, SystemExit)):
+        call("evaluate", f"path={tmp_path / 'runs' / place}", *values, module=recipe)
+    config = yaml.safe_load((tmp_path / "results" / place / "config.yaml").read_text())
+    assert config["env"]["max_steps"] == 5
+
+
 def test_a_shipped_chain_brings_its_task_seed_settings_and_episodes(recipe, call, tmp_path, capsys):
     record = load_pretrained("table_lack").record
     with initialize_config_dir(str(CONFIGS), version_base="1.3"):

@@ -14,7 +14,6 @@ from tstar_rl.runs import checkpoint, lock, versions
 from tstar_rl.runs.csv_tables import LogError
 from tstar_rl.runs.lock import RunInUseError
 from tstar_rl.runs.mismatch import CheckpointMismatchError
-from tstar_rl.runs.run import Run
 
 ROOT = Path(__file__).resolve().parents[2]
 HOLD = "import sys; from pathlib import Path; from tstar_rl.runs import lock; lock.hold(Path(sys.argv[1])); "
@@ -138,22 +137,13 @@ def test_an_evaluation_is_of_the_steps_that_a_run_was_given(tmp_path):
 
 
 def test_what_a_recipe_does_not_read_may_differ_when_its_run_is_resumed(tmp_path):
-    places = {name: str(tmp_path / name) for name in ("results_dir", "runs_dir")}
-    config = {
-        "task": {"name": "table"},
-        "system": "bc",
-        "seed": 0,
-        "resume": True,
-        "progress_bar": False,
-        **places,
-    }
-    run = Run({**config, "chain": {"rounds": 1}})
+    run = a_run(tmp_path, chain={"rounds": 1})
     run.start()
     run.log(10)
     run.save_if_due(0)
-    assert Run({**config, "chain": {"rounds": 3}}, unread=("chain",)).start() == 10
+    assert a_run(tmp_path, chain={"rounds": 3}, unread=("chain",)).start() == 10
     with pytest.raises(CheckpointMismatchError, match="chain.rounds was 1 .* and is 3 now"):
-        Run({**config, "chain": {"rounds": 3}}, unread=()).start()
+        a_run(tmp_path, chain={"rounds": 3}).start()
 
 
 def test_more_steps_without_a_checkpoint_to_go_on_from_leave_a_run_finished(tmp_path):

@@ -76,12 +76,11 @@ def is_done(step: Step, shared: Sequence[str] = (), ignored: Sequence[str] = ())
     """Whether a step need not be run: its files are there, and are what the step would make.
 
     Demonstrations are done if their files are there, and hold what the step would make. A training is done if it has
-    finished with the same config and its results are there. One that
-    may go on to more steps (`as_begun`) is not done if more are asked for than it was given. Whether
-    its demonstrations or skills were made again since is not asked: with one config and one commit they are the same to
-    the bit. An evaluation is done if every run that it evaluates has finished before it, and its table has each
-    checkpoint that these have left, in all modes, with the number of episodes that is asked for. With resume=false
-    nothing is done.
+    finished with the same config and its results are there. One that may go on to more steps (`as_begun`) is not done
+    if more are asked for than it was given. Whether its demonstrations or skills were made again since is not asked:
+    with one config and one commit they are the same to the bit. An evaluation is done if every run that it
+    evaluates has finished before it, and its table has each checkpoint that these have left, in all modes, with the
+    number of episodes that is asked for. With resume=false nothing is done.
 
     Args:
         step: recipe and values.

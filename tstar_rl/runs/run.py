@@ -39,9 +39,9 @@ class Run:
         config: plain values; recorded, and compared when resuming.
         subtask: that the run trains, or None.
         total: environment steps, for the bar.
-        unread: sections of the config that the recipe does not read: they may differ when the run is resumed.
         trials: whether the best so far is told by `trial_progress`, where a row has it; otherwise it is told by a
             running mean of the subtasks completed in training.
+        unread: sections of the config that the recipe does not read: they may differ when the run is resumed.
 
     Raises:
         RunInUseError: if another process runs in the same folder.
@@ -120,8 +120,10 @@ class Run:
             except (CheckpointMismatchError, checkpoint.DamagedCheckpointError, LogError) as error:
                 raise type(error)(f"{error} (resume=false starts over)") from error
             note_resumed(self.results, self.env_steps)
-            for name in (name for name, value in begun.items() if value != self.record[name]):
-                note_section(self.results, name, self.record[name])
+            for section in (
+                name for name in begun if begun[name] != self.record[name]
+            ):  # that of more steps, if any
+                note_section(self.results, section, self.record[section])
                 (self.results / "evaluation.csv").unlink(missing_ok=True)  # of the run with fewer steps
             finished.unlink(missing_ok=True)  # until it is done again
         self.bar.update(self.env_steps - self.bar.n)
