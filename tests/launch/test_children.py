@@ -16,9 +16,10 @@ from tstar_rl.launch.side_by_side import run_recipe, run_side_by_side
 from tstar_rl.runs.run_folder import RECIPES
 
 QUEUE = """
-import sys
+import signal, sys
 from pathlib import Path
 from tstar_rl.launch import side_by_side
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job inherits that it is ignored
 side_by_side.RECIPES = Path(sys.argv[1])
 side_by_side.run_side_by_side([[("wait", "a"), ("wait", "b")], [("wait", "c"), ("wait", "d")], [("wait", "e")]], [], 2)
 """
