@@ -21,12 +21,14 @@ from tensordict import TensorDictBase
 from torch import nn
 from tqdm import tqdm
 
-from tstar_rl.chaining.chain import ChainPolicy, chain_folders
+from tstar_rl.chaining.chain import chain_folders
+from tstar_rl.chaining.recovery import RecoveringChain
 from tstar_rl.checks import InvalidValueError, MissingFileError
 from tstar_rl.config.build import environment, load_skill
 from tstar_rl.config.chain import check_links
 from tstar_rl.config.load import recipe
 from tstar_rl.config.pretrained import take_pretrained
+from tstar_rl.config.recovery import chain_policy
 from tstar_rl.config.values import plain
 from tstar_rl.launch.steps import check_evaluation, evaluated_runs, run_folder
 from tstar_rl.rollouts.episodes import evaluate, same_policy
@@ -74,6 +76,8 @@ def main(config: DictConfig) -> None:
             told = f"{name}, {mode}: {number} episodes of at most {env.base_env.max_steps} steps"
             with tqdm(desc=told, unit=" steps", disable=not config.progress_bar) as bar:
                 row = evaluate(policy, env, mode, partial(_step, recorder, bar), links=links)
+            if isinstance(policy, RecoveringChain):
+                row["homings"] = float(policy.homings.double().mean())
             rows.append({"checkpoint": name, "mode": mode, **row, **spent, "seed": config.seed})
             recorder.write(results)
             env.close()
@@ -111,7 +115,7 @@ def _trained(config: DictConfig, begun_with: str, folders: list[Path]) -> Candid
     chain = len(skills) > 1
     if chain:
         check_links(config, len(skills))
-    policy = (ChainPolicy(skills) if chain else skills[0].policy).to(config.device)
+    policy = (chain_policy(config, skills, folders) if chain else skills[0].policy).to(config.device)
     links = len(skills) if chain else None
     return Candidate(
         policy, None if chain else skills[0].subtask, links, _spent(config, begun_with, folders, chain)

@@ -12,6 +12,7 @@ from tstar_rl.deferred import deferred
 
 if TYPE_CHECKING:
     from tstar_rl.chaining.chain import ChainPolicy, load_chain, save_chain
+    from tstar_rl.chaining.recovery import RecoverySettings
     from tstar_rl.chaining.signals import StateValue, value_scale
     from tstar_rl.chaining.skill import NetworkSettings, Skill
     from tstar_rl.chaining.trials import run_trial
@@ -40,7 +41,7 @@ if TYPE_CHECKING:
     from tstar_rl.transforms.terminal_state_reward import ConstantBonus, TerminalStateReward
     from tstar_rl.updates.cloning import BehaviourCloningSettings, behaviour_cloning
     from tstar_rl.updates.discriminator import DiscriminatorSettings
-    from tstar_rl.updates.labelled import LabelledSettings
+    from tstar_rl.updates.labelled import LabelledSettings, LabelledUpdate
 
 __version__ = "0.1.0"
 HOMES = {
@@ -58,8 +59,10 @@ HOMES = {
     "InitiationSet": "rollouts.state_sets",
     "Label": "rollouts.labels",
     "LabelledSettings": "updates",
+    "LabelledUpdate": "updates",
     "NetworkSettings": "chaining.skill",
     "ProximityReward": "transforms",
+    "RecoverySettings": "chaining.recovery",
     "RewardMixture": "transforms",
     "RewardTransform": "transforms",
     "Run": "runs.run",
@@ -107,8 +110,10 @@ __all__ = [
     "InitiationSet",
     "Label",
     "LabelledSettings",
+    "LabelledUpdate",
     "NetworkSettings",
     "ProximityReward",
+    "RecoverySettings",
     "RewardMixture",
     "RewardTransform",
     "Run",

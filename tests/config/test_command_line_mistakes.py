@@ -78,6 +78,7 @@ MISTAKES = [
     ("tstar", ["+reward.scales.foo=1"], "reward.scales has foo, which reward.weights has not; it has env, gail, tsr"),
     ("policy_sequencing", ["bonus=2"], r"bonus must be in \[0, 1\], got 2"),
     ("floored", ["floor=0"], "floor must be positive, got 0"),
+    ("recover", ["recovery.below=1.5"], r"recovery.below must be in \[0, 1\], got 1.5"),
     ("gail_ppo", ["normalizer.floor=-1"], "normalizer.floor must be positive, got -1"),
     ("gail_ppo", ["networks.std=learned"], "networks.std must be one of state, fixed; got 'learned'"),
     ("gail_ppo", ["networks.action_std=-1"], "networks.action_std must be positive, got -1"),

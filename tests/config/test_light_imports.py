@@ -10,7 +10,7 @@ from recipe_runs import command, environ
 HEAVY = "print(*sorted({'torch', 'mujoco', 'pandas'} & set(sys.modules)), file=sys.stderr)"
 """The line of a script that says what it has imported."""
 LIGHT = (
-    *("bc", "ppo", "gail", "gail_ppo", "policy_sequencing", "tstar", "floored", "refitted"),
+    *("bc", "ppo", "gail", "gail_ppo", "policy_sequencing", "tstar", "floored", "refitted", "recover"),
     *("feasibility", "hand_over_value", "proximity", "scar_like"),
 )
 """Recipes that say `import tstar_rl as rl` and nothing else of the library."""

@@ -27,6 +27,7 @@ SECTIONS = {
     "chain.ppo": "updates.PPOSettings",
     "feasibility": "updates.LabelledSettings",
     "proximity": "updates.LabelledSettings",
+    "recovery": "chaining.recovery.RecoverySettings",
     "value_error": "updates.LabelledSettings",
     "spirl.model": "spirl.LatentModelSettings",
     "spirl.model_training": "spirl.ModelTrainingSettings",

@@ -37,9 +37,13 @@ def draw_back(physics: PhysicsView, home: Tensor, speeds: Tensor, steps: int, ma
     still, failed = torch.zeros_like(arm), torch.zeros_like(mask)
     write(fingers, home[sawyer.NUM_JOINTS :].expand_as(fingers), mask)
     for step in range(steps):
-        velocity = RATE * (goal - joints)
-        velocity = velocity / (velocity.abs() / speeds).amax(-1, keepdim=True).clamp_min(1.0)
-        write(arm, velocity if step else still, mask)
+        write(arm, velocities_to(goal, joints, speeds) if step else still, mask)
         failed |= physics.step(SUBSTEPS, mask)
     write(arm, still, mask)
     return failed
+
+
+def velocities_to(goal: Tensor, joints: Tensor, speeds: Tensor) -> Tensor:
+    """Joint velocities (n, 7), rad/s, straight towards `goal` (7,) from `joints` (n, 7), none beyond `speeds` (7,)."""
+    velocity = RATE * (goal - joints)
+    return velocity / (velocity.abs() / speeds).amax(-1, keepdim=True).clamp_min(1.0)
