@@ -26,13 +26,14 @@ def evaluation(recipe: str, seed: int, progress: float, checkpoint: str = "last"
 
 
 def write(root: Path, experiment: str, recipe: str, seed: int, progress: float, **more) -> None:
-    """A run of 200 episodes that all complete one of two subtasks, or `progress` of both."""
+    """A run of 200 episodes that all complete one of two subtasks, or `progress` of both; `columns` are added."""
     folder = root / experiment / "table" / recipe / f"seed{seed}"
     folder.mkdir(parents=True)
     rows = []
     for checkpoint in ("last", "best"):
         row = evaluation(recipe, seed, progress, checkpoint, success_low=0.0, success_high=1.0, env_steps=5e5)
         row |= {"minutes": 1, "episodes": 200, "subtask_0": progress, "subtask_1": progress}
+        row |= more.get("columns", {})
         rows.append({name: value for name, value in row.items() if name not in ("task", "recipe", "subtask")})
     pd.DataFrame(rows).to_csv(folder / "evaluation.csv", index=False)
     (folder / "config.yaml").write_text(yaml.safe_dump({"versions": {"commit": more.get("commit", COMMIT)}}))

@@ -31,6 +31,8 @@ __all__ = ["answers", "arms", "commits", "comparison_table", "comparisons", "dra
 
 ARMS = "Every seed is a dot, with interquartile mean and 95% interval; right: the share of seeds above a progress."
 PAIRS = "Differences in progress on the same seed."
+HOMINGS = "homings"
+"""The column of evaluation.csv that chains with recovery have."""
 FEW = 4
 """Seeds, below which the bootstrap of a probability of improvement may say that it is certain, and is not shown."""
 STARRED = (
@@ -47,12 +49,13 @@ def ordered(experiment: Experiment, paper: Paper, task: str, mode: str = "determ
     )
 
 
-def _gap(gaps: pd.DataFrame, arm: str, entry: Entry) -> list[str]:
+def _gap(gaps: pd.DataFrame, arm: str, rows: pd.DataFrame, entry: Entry) -> list[str]:
     """Product of the skills' own success and gap, mean over seeds; a star where the skills are not the arm's own."""
     mine = gaps[gaps["arm"] == arm]
     if mine["gap"].isna().all() or arm in entry.no_gap:
         return [NOTHING, NOTHING]
-    star = "" if mine["fine_tuned"].all() or arm.startswith(UNTRAINED) else " \\*"
+    as_they_are = arm.startswith(UNTRAINED) or (HOMINGS in rows and rows[HOMINGS].notna().all())
+    star = "" if as_they_are or mine["fine_tuned"].all() else " \\*"
     return [f"{mine['product'].mean():.3f}", f"{mine['gap'].mean():z.3f}{star}"]
 
 
@@ -60,7 +63,7 @@ def arms(experiment: Experiment, paper: Paper, entry: Entry, task: str) -> str:
     """The table of the arms of a task, and their figure."""
     rows, sampled = (ordered(experiment, paper, task, mode) for mode in ("deterministic", "stochastic"))
     gaps, noisy = hand_over_gaps(experiment, task), arm_table(sampled)
-    lines = []
+    lines, starred = [], False
     for arm, row in arm_table(rows).iterrows():
         mine = rows[rows["arm"] == arm]
         line = [arm_label(paper, str(arm)), f"{row['seeds']:.0f}"]
@@ -70,8 +73,9 @@ def arms(experiment: Experiment, paper: Paper, entry: Entry, task: str) -> str:
         ]
         line.append(" ".join(f"{value:.2f}" for value in mine["progress"]))
         line.append(f"{noisy.loc[arm, 'progress']:.3f}" if arm in noisy.index else NOTHING)
-        line += _gap(gaps, str(arm), entry)
-        lines.append([*line, millions(mine["env_steps"].mean())])
+        gap = _gap(gaps, str(arm), mine, entry)
+        starred = starred or gap[1].endswith("\\*")
+        lines.append([*line, *gap, millions(mine["env_steps"].mean()), *_way(mine, rows)])
     header = [
         "arm",
         "seeds",
@@ -79,12 +83,21 @@ def arms(experiment: Experiment, paper: Paper, entry: Entry, task: str) -> str:
         "success [95%]",
         "progress of each seed",
         "sampled actions: progress",
+        "product of its skills (mean)",
+        "hand-over gap (mean)",
+        "environment steps",
+        *(["steps of an episode (mean)", "ways home in it (mean)"] if HOMINGS in rows else []),
     ]
-    found = table(
-        [*header, "product of its skills (mean)", "hand-over gap (mean)", "environment steps"], lines
-    )
-    starred = STARRED if any("\\*" in line[-2] for line in lines) else ""
-    return f"{picture(ARMS, f'{entry.prefix}{task}_arms')}\n{found}{starred}"
+    found = table(header, lines)
+    return f"{picture(ARMS, f'{entry.prefix}{task}_arms')}\n{found}{STARRED if starred else ''}"
+
+
+def _way(mine: pd.DataFrame, rows: pd.DataFrame) -> list[str]:
+    """Of an arm, how long an episode is and how often the arm goes home in it, where any arm of `rows` does."""
+    if HOMINGS not in rows:
+        return []
+    homings = mine[HOMINGS].mean()
+    return [f"{mine['episode_length'].mean():.0f}", NOTHING if math.isnan(homings) else f"{homings:.2f}"]
 
 
 def short_table(
@@ -108,12 +121,13 @@ def short_table(
         raise ValueError(f"{task} has no arm {', '.join(unknown)}; it has {', '.join(rows['arm'].unique())}")
     rows = rows[rows["arm"].isin(shown)] if shown else rows
     for arm, row in arm_table(rows).iterrows():
+        mine = rows[rows["arm"] == arm]
         spans = [
             interval(*(row[f"{name}{end}"] for end in ("", "_low", "_high")))
             for name in ("progress", "success")
         ]
         lines.append(
-            [arm_label(paper, str(arm)), *spans, _gap(gaps, str(arm), entry)[1], f"{row['seeds']:.0f}"]
+            [arm_label(paper, str(arm)), *spans, _gap(gaps, str(arm), mine, entry)[1], f"{row['seeds']:.0f}"]
         )
     starred = STARRED if any("\\*" in line[-2] for line in lines) else ""
     return (
