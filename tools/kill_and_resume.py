@@ -6,8 +6,8 @@
 All of it at a tiny scale, whose clones succeed: so states are handed over, and terminal states are kept. First
 `assemble` runs through: its tables, demonstrations and skills are what is compared with, and what the other recipes
 start from. One that it does not run is run through by itself. Then each recipe is killed with all its processes and
-started again, until it is done; that repeats until it has had its share of the kills. Of tables everything is compared
-but times, of skills all networks and sets. Prints a table; exits with 1 if any start failed or anything differs.
+started again, until it is done; that repeats until it has had its share of the kills. What it leaves is compared as
+`same_files.py` says. Prints a table; exits with 1 if any start failed or anything differs.
 """
 
 import argparse
@@ -20,17 +20,11 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 import pandas as pd
-from torch import Tensor
-
-from tstar_rl.chaining.skill import Skill
-from tstar_rl.runs.checkpoint import is_checkpoint
+from same_files import differing
 
 ROOT = Path(__file__).resolve().parents[1]
 TASK = ("demonstrations", "runs", "results")
@@ -40,8 +34,6 @@ TINY = [
     "ppo.minibatch=64", "chain.rounds=1", "chain.steps_per_turn=1024", "chain.trial_episodes=8",
     "chain.seed_episodes=8", "evaluation.episodes=8", "evaluation.whole_episodes=8", "evaluation.recorded=0",
 ]  # fmt: skip
-TIMED = ["minutes"]
-"""Columns of tables that are measured times."""
 
 
 @dataclass(frozen=True)
@@ -111,41 +103,6 @@ def prepare(subject: Subject, whole: Path, folder: Path) -> None:
     for pattern in subject.needs:
         for found in whole.glob(pattern):
             shutil.copytree(found, folder / found.relative_to(whole))
-
-
-def differing(subject: Subject, whole: Path, folder: Path) -> list[str]:
-    """The paths below `folder` that are missing or differ from those below `whole`, and patterns that find none."""
-    found = {
-        pattern: {path.relative_to(place) for place in (whole, folder) for path in place.glob(pattern)}
-        for pattern in subject.leaves
-    }
-    nothing = [f"{pattern} (nothing was written)" for pattern, paths in found.items() if not paths]
-    wrong = {
-        str(path) for paths in found.values() for path in paths if not _same(whole / path, folder / path)
-    }
-    return nothing + sorted(wrong)
-
-
-def _same(first: Path, second: Path) -> bool:
-    if not (first.exists() and second.exists()):
-        return False
-    if first.suffix == ".csv":
-        read = [pd.read_csv(path, dtype=str, keep_default_na=False) for path in (first, second)]
-        whole, killed = (table.drop(columns=TIMED, errors="ignore") for table in read)
-        return whole.equals(killed)
-    if first.suffix == ".npz":
-        one, two = np.load(first), np.load(second)
-        return one.files == two.files and all(np.array_equal(one[name], two[name]) for name in one.files)
-    if not is_checkpoint(first):  # of a chain: its skills are found by themselves
-        return not is_checkpoint(second)
-    return is_checkpoint(second) and _equal(*(Skill.load(path).state_dict() for path in (first, second)))
-
-
-def _equal(one: Any, other: Any) -> bool:
-    """Whether two states, dictionaries of dictionaries, have the same entries and the same bits."""
-    if isinstance(one, Mapping):
-        return one.keys() == other.keys() and all(_equal(value, other[key]) for key, value in one.items())
-    return one.equal(other) if isinstance(one, Tensor) else one == other
 
 
 def untouched(subject: Subject, whole: Path, folder: Path) -> float:
@@ -220,7 +177,7 @@ def torment(
             count.failed += 1
             print(f"  FAILED: {errors.read_text()[-2000:]}")
             return count
-        wrong = differing(subject, compared or whole, folder)
+        wrong = differing(subject.leaves, compared or whole, folder)
         count.completed, count.different = count.completed + 1, count.different + bool(wrong)
         print(f"  done; {'differs: ' + ', '.join(wrong) if wrong else 'the same'}")
         if count.kills >= kills:

@@ -1,27 +1,17 @@
 """The tool that kills recipes: what it counts, on programs of a second, and its short form on a real one."""
 
-import importlib.util
 import random
 import sys
 from pathlib import Path
 
+import kill_and_resume as tool
 import pandas as pd
 import pytest
-import torch
 from hydra import compose, initialize_config_dir
 from recipe_runs import load_recipe
-from small_skill import small_skill
-from tensordict import TensorDict
 
 from tstar_rl.config.load import check_config
 from tstar_rl.config.values import CONFIGS
-
-spec = importlib.util.spec_from_file_location(
-    "kill_and_resume", Path(__file__).resolve().parents[2] / "tools" / "kill_and_resume.py"
-)
-tool = importlib.util.module_from_spec(spec)
-sys.modules[spec.name] = tool  # its dataclasses look for their module
-spec.loader.exec_module(tool)
 
 RESUMES = """
 import os, sys, time
@@ -45,7 +35,7 @@ STARTS_OVER = (
 FAILS_AGAIN = RESUMES + "\nif len(sys.argv) > 1: raise SystemExit('cannot go on')\n"
 
 
-def program(monkeypatch, folder: Path, code: str) -> "tool.Subject":
+def program(monkeypatch, folder: Path, code: str) -> tool.Subject:
     """A recipe of one second in the place of the project's."""
     (folder / "recipes").mkdir()
     (folder / "recipes" / "counter.py").write_text(code)
@@ -85,41 +75,6 @@ def test_its_recipes_take_its_values(name):
     load_recipe(recipe)  # which names the keys of its own
     with initialize_config_dir(str(CONFIGS), version_base="1.3"):
         check_config(compose(f"recipe/{recipe}", [*tool.TINY, *values]), recipe)
-
-
-def test_what_is_missing_or_was_never_written_differs(tmp_path):
-    subject = tool.Subject(("any",), (), ("results/*.csv", "runs/*/last"))
-    whole, folder = tmp_path / "whole", tmp_path / "folder"
-    nothing = ["results/*.csv (nothing was written)", "runs/*/last (nothing was written)"]
-    assert tool.differing(subject, whole, folder) == nothing
-    subject = tool.Subject(("any",), (), ("results/*.csv",))
-    for place, text in ((whole, "a,minutes\n1,2\n"), (folder, "a,minutes\n1,3\n")):
-        (place / "results").mkdir(parents=True)
-        (place / "results" / "table.csv").write_text(text)
-    assert tool.differing(subject, whole, folder) == []
-    (folder / "results" / "table.csv").write_text("a,minutes\n2,3\n")
-    (whole / "results" / "other.csv").write_text("a\n1\n")
-    assert tool.differing(subject, whole, folder) == ["results/other.csv", "results/table.csv"]
-
-
-def test_skills_differ_by_any_network_or_set_that_one_has(tmp_path):
-    subject = tool.Subject(("any",), (), ("runs/last",))
-    places = [tmp_path / name / "runs/last" for name in ("whole", "killed")]
-    skills = [small_skill(), small_skill()]
-
-    def differs():
-        for skill, place in zip(skills, places, strict=True):
-            skill.save(place)
-        return tool.differing(subject, tmp_path / "whole", tmp_path / "killed") == ["runs/last"]
-
-    assert not differs()
-    row = TensorDict({"observation": torch.ones(1, 72)}, [1])
-    skills[0].initiation_set.extend(row)
-    assert differs()
-    skills[1].initiation_set.extend(row)
-    assert not differs()
-    skills[0].network("feasibility")
-    assert differs()
 
 
 def test_a_recipe_that_the_pipeline_does_not_run_is_compared_with_its_own_run(tmp_path):

@@ -1,15 +1,8 @@
 """Lines that recipes share, counted on two that are worked by hand, and the limit that all systems keep."""
 
-import importlib.util
-from pathlib import Path
-
 import pytest
+import shared_lines as tool
 
-spec = importlib.util.spec_from_file_location(
-    "shared_lines", Path(__file__).resolve().parents[2] / "tools" / "shared_lines.py"
-)
-tool = importlib.util.module_from_spec(spec)
-spec.loader.exec_module(tool)
 MOST = 15
 ONE = '''"""Says what it does."""
 import torch
