@@ -19,6 +19,7 @@ from tstar_rl.checks import InvalidValueError, MissingFileError
 from tstar_rl.config.build import environment, load_skill
 from tstar_rl.config.demonstrations import demonstrated, demonstrations_seed, load_demonstrations, part_name
 from tstar_rl.config.load import recipe
+from tstar_rl.config.recovery import refuse_recovery
 from tstar_rl.demonstrations.formats import (
     Recording,
     not_reproduced,
@@ -96,6 +97,7 @@ def _episodes(config: DictConfig) -> Recording:
     folders = [path] if is_checkpoint(path) else chain_folders(path)
     if not folders:
         raise MissingFileError(f"no skill and no chain at {path}")
+    refuse_recovery(folders[0])
     skills = [load_skill(folder, task=config.task.name).to(config.device) for folder in folders]
     if 1 < len(skills) < config.task.subtasks:
         raise InvalidValueError(

@@ -17,6 +17,7 @@ from tstar_rl.chaining.chain import chain_folders
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.checks import MissingFileError
 from tstar_rl.config.load import recipe
+from tstar_rl.config.recovery import refuse_recovery
 from tstar_rl.config.values import plain
 from tstar_rl.launch.steps import chosen_scale, evaluated_runs, run_folder
 from tstar_rl.runs.mismatch import CheckpointMismatchError, differences
@@ -54,6 +55,7 @@ def _folders(config: DictConfig) -> list[Path]:
     found = chain_folders(homes[0]) if len(homes) == 1 else homes
     if not found:
         raise MissingFileError(f"no chain at {homes[0]}{made_by(homes[0])}")
+    refuse_recovery(found[0])
     return found
 
 

@@ -12,7 +12,7 @@ from tstar_rl.deferred import deferred
 
 if TYPE_CHECKING:
     from tstar_rl.chaining.chain import ChainPolicy, load_chain, save_chain
-    from tstar_rl.chaining.recovery import RecoverySettings
+    from tstar_rl.chaining.recovery import RecoverySettings, learn_outcomes
     from tstar_rl.chaining.signals import StateValue, value_scale
     from tstar_rl.chaining.skill import NetworkSettings, Skill
     from tstar_rl.chaining.trials import run_trial
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from tstar_rl.transforms.terminal_state_reward import ConstantBonus, TerminalStateReward
     from tstar_rl.updates.cloning import BehaviourCloningSettings, behaviour_cloning
     from tstar_rl.updates.discriminator import DiscriminatorSettings
-    from tstar_rl.updates.labelled import LabelledSettings, LabelledUpdate
+    from tstar_rl.updates.labelled import LabelledSettings
 
 __version__ = "0.1.0"
 HOMES = {
@@ -59,7 +59,6 @@ HOMES = {
     "InitiationSet": "rollouts.state_sets",
     "Label": "rollouts.labels",
     "LabelledSettings": "updates",
-    "LabelledUpdate": "updates",
     "NetworkSettings": "chaining.skill",
     "ProximityReward": "transforms",
     "RecoverySettings": "chaining.recovery",
@@ -77,6 +76,7 @@ HOMES = {
     "chain_turns": "config.chain",
     "derive_seed": "seeds",
     "environment": "config.build",
+    "learn_outcomes": "chaining.recovery",
     "load_chain": "chaining.chain",
     "load_demonstrations": "config.build",
     "load_skills": "config.chain",
@@ -110,7 +110,6 @@ __all__ = [
     "InitiationSet",
     "Label",
     "LabelledSettings",
-    "LabelledUpdate",
     "NetworkSettings",
     "ProximityReward",
     "RecoverySettings",
@@ -129,6 +128,7 @@ __all__ = [
     "chain_turns",
     "derive_seed",
     "environment",
+    "learn_outcomes",
     "load_chain",
     "load_demonstrations",
     "load_skills",

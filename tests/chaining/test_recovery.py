@@ -7,10 +7,12 @@ from point_chain import NETWORKS
 from tensordict import TensorDict
 
 from tstar_rl.chaining.chain import chain_folders, load_chain
-from tstar_rl.chaining.recovery import FEASIBILITY, RecoveringChain, RecoverySettings
+from tstar_rl.chaining.recovery import FEASIBILITY, RecoveringChain, RecoverySettings, learn_outcomes
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.recovery import chain_policy
+from tstar_rl.config.seams import chain_of
+from tstar_rl.updates import LabelledSettings
 
 HOMEWARD = 0.5
 """Every component of an action on the way home; a skill's own mean action is 0."""
@@ -27,9 +29,7 @@ def skill(subtask: int, logit: float | None) -> Skill:
     torch.nn.init.zeros_(made.policy[0][1].module[0][-1].weight)
     torch.nn.init.zeros_(made.policy[0][1].module[0][-1].bias)
     if logit is not None:
-        last = [layer for layer in made.network(FEASIBILITY).modules() if isinstance(layer, torch.nn.Linear)][
-            -1
-        ]
+        *_, last = (one for one in made.network(FEASIBILITY).modules() if isinstance(one, torch.nn.Linear))
         torch.nn.init.zeros_(last.weight)
         torch.nn.init.constant_(last.bias, logit)
     return made
@@ -57,7 +57,7 @@ def went(policy, subtask, away=1.0, step=1, done=False) -> list[bool]:
 
 
 def test_the_arm_goes_home_where_f_expects_failure_and_the_skill_acts_from_there():
-    policy = chain(below=0.5)
+    policy = chain(at_most=0.5)
     assert went(policy, [0, 0], step=0) == [False, False]  # the first skill begins at home
     assert went(policy, [1, 0]) == [True, False]
     assert went(policy, [1, 0]) == [True, False]  # still on its way
@@ -69,41 +69,56 @@ def test_the_arm_goes_home_where_f_expects_failure_and_the_skill_acts_from_there
 
 
 @pytest.mark.parametrize(
-    ("below", "logits", "expected"),
+    ("at_most", "logits", "expected"),
     [
         (1.0, (None, None, None), [True, True]),
         (0.2, (None, -1.0, 1.0), [False, False]),
         (None, (None, None, None), [False, False]),
+        (0.5, (None, None, 1.0), [True, False]),
     ],
 )
-def test_always_and_never(below, logits, expected):
-    """F is not needed where it is not asked."""
-    share = RecoverySettings(below=below).share_of(None)
-    policy = chain(shares=(share, share), below=below, logits=logits)
+def test_always_never_and_where_f_is_unknown(at_most, logits, expected):
+    """F is not needed where it has no say, and the arm goes home where it is unknown."""
+    share = RecoverySettings(at_most=at_most, patience=100).share_of(None)
+    policy = chain(shares=(share, share), at_most=at_most, patience=100, logits=logits)
     went(policy, [0, 1], step=0)
     assert went(policy, [1, 2]) == expected
 
 
 def test_a_way_home_ends_after_most_steps():
-    policy = chain(below=1.0, logits=(None, None, None), most_steps=3)
+    policy = chain(at_most=1.0, logits=(None, None, None), most_steps=3)
     went(policy, [0], step=0)
     assert [went(policy, [1])[0] for _ in range(5)] == [True, True, True, False, False]
 
 
 def test_after_its_patience_a_skill_begins_again_from_home():
-    policy = chain(shares=(0.0, 0.0), below=None, patience=3)
+    policy = chain(shares=(0.0, 0.0), at_most=None, patience=3)
     assert [went(policy, [0], step=step)[0] for step in range(5)] == [False, False, False, True, True]
-    assert [went(policy, [0], away=0.0)[0] for _ in range(2)] == [
-        False,
-        False,
-    ]  # arrived: two steps of the skill
+    assert [went(policy, [0], away=0.0)[0] for _ in range(2)] == [False, False]  # arrived, and the skill acts
     assert went(policy, [1]) == [False]  # the next skill has as much time
     assert [went(policy, [1])[0] for _ in range(3)] == [False, False, True]
     assert policy.homings.tolist() == [2]
 
 
+def test_an_arm_that_is_at_home_is_not_sent_there():
+    policy = chain(shares=(1.0, 1.0), at_most=1.0, patience=3)
+    went(policy, [0], away=0.0, step=0)
+    assert not any(went(policy, [1], away=0.0)[0] for _ in range(10)) and policy.homings.tolist() == [0]
+    assert [went(policy, [1])[0] for _ in range(3)] == [
+        False,
+        False,
+        True,
+    ]  # its patience began anew at each try
+
+
+def test_rows_that_have_done_all_skills_of_the_chain_are_left_alone():
+    policy = chain(shares=(0.0, 0.0), at_most=None, patience=2)
+    went(policy, [2], step=0)
+    assert not any(went(policy, [3])[0] for _ in range(5)) and policy.homings.tolist() == [0]
+
+
 def test_an_episode_that_begins_has_forgotten_the_one_before_and_one_that_is_done_is_left_alone():
-    policy = chain(below=1.0)
+    policy = chain(at_most=1.0)
     went(policy, [0], step=0)
     assert went(policy, [1]) == [True]
     assert went(policy, [0], step=0) == [False] and policy.homings.tolist() == [0]
@@ -112,7 +127,7 @@ def test_an_episode_that_begins_has_forgotten_the_one_before_and_one_that_is_don
 
 def test_drawn_blindly_it_happens_as_often_as_its_shares_say():
     torch.manual_seed(0)
-    policy = chain(shares=(1.0, 0.25), below=0.5, blind=True)
+    policy = chain(shares=(1.0, 0.25), at_most=0.5, blind=True)
     went(policy, [0] * 400, step=0)
     assert all(went(policy, [1] * 400))
     went(policy, [1] * 400, away=0.0)
@@ -120,14 +135,14 @@ def test_drawn_blindly_it_happens_as_often_as_its_shares_say():
 
 
 def test_what_cannot_be_is_refused():
-    with pytest.raises(ValueError, match=r"got no F of \[1\]"):
-        chain(logits=(None, None, 1.0))
-    with pytest.raises(ValueError, match="1 shares for 2 skills"):
+    with pytest.raises(ValueError, match="every skill but the first: 2, got 1"):
         chain(shares=(0.5,))
-    for below in (None, 1.0):
-        with pytest.raises(InvalidValueError, match=f"recovery.below must be below 1, got {below}"):
-            RecoverySettings(below=below, blind=True)
-    for wrong in ({"below": 1.5}, {"patience": 0}, {"most_steps": 0}):
+    with pytest.raises(InvalidValueError, match="the arm would never go home"):
+        RecoverySettings(at_most=None)
+    for at_most in (None, 1.0):
+        with pytest.raises(InvalidValueError, match=f"recovery.at_most must be below 1, got {at_most}"):
+            RecoverySettings(at_most=at_most, blind=True)
+    for wrong in ({"at_most": 1.5}, {"patience": 0}, {"most_steps": 0}):
         with pytest.raises(InvalidValueError, match=f"RecoverySettings.{next(iter(wrong))} must be"):
             RecoverySettings(**wrong)
 
@@ -137,8 +152,9 @@ def test_the_recipe_teaches_f_and_saves_when_the_arm_goes_home(point_chain, tmp_
     table = point_chain("recover", "chain.seed_episodes=256")
     place = tmp_path / "runs/table_lack/recover/seed0/last"
     assert table.skill.tolist() == [1, 2, 3] and (table.env_steps > 0).all()
-    assert 0.3 < table.next_success[0] < 0.7 and table.next_success[1] == 1.0
-    assert table.asked[0] == pytest.approx(1 - table.next_success[0], abs=0.1) and table.asked[1] == 0.0
+    succeeded, sent = table.feasibility_label, table.sent_home
+    assert 0.3 < succeeded[0] < 0.7 and succeeded[1] == 1.0
+    assert sent[0] == pytest.approx(1 - succeeded[0], abs=0.1) and sent[1] == 0.0
     skills = load_chain(place)
     states = torch.zeros(2, 72)
     states[:, 0], states[:, 1] = 1.2, torch.tensor([-0.5, 0.5])
@@ -146,4 +162,33 @@ def test_the_recipe_teaches_f_and_saves_when_the_arm_goes_home(point_chain, tmp_
     assert below < 0.2 and above > 0.8
     policy = chain_policy(OmegaConf.create({"env": {}}), skills, chain_folders(place))
     assert isinstance(policy, RecoveringChain) and policy.settings == RecoverySettings()
-    assert policy.shares == pytest.approx(table.asked.tolist())
+    assert policy.shares == pytest.approx(sent.tolist())
+
+
+def test_what_f_learns_hangs_on_the_seed_alone():
+    starts, succeeded = torch.rand(64, 72), torch.rand(64) > 0.5
+    states = []
+    for noise in range(2):
+        torch.manual_seed(noise)
+        made = skill(1, None)
+        learn_outcomes(made, starts, succeeded, LabelledSettings(steps=2), seed=3)
+        states.append(made.network(FEASIBILITY).state_dict())
+    assert all(torch.equal(one, states[1][name]) for name, one in states[0].items())
+    made = skill(1, None)
+    learn_outcomes(made, starts, succeeded, LabelledSettings(steps=2, floor=0.02), seed=3)
+    assert float(made.network(FEASIBILITY).normalizer.floor) == pytest.approx(0.02)
+
+
+def test_recipes_that_would_run_the_skills_without_recovery_refuse_it(point_chain, tmp_path):
+    point_chain("recover", "chain.seed_episodes=64", "recovery.at_most=1")
+    places = {f"{place}_dir": str(tmp_path / place) for place in ("results", "runs")}
+    config = OmegaConf.create({**places, "task": {"name": "table_lack"}, "seed": 0, "checkpoint": "last"})
+    with pytest.raises(
+        InvalidValueError, match="last is a chain with recovery, which evaluate.py alone runs"
+    ):
+        chain_of(config, "recover")
+
+
+def test_f_needs_a_run_of_the_chain(point_chain):
+    with pytest.raises(InvalidValueError, match="chain.seed_episodes must be at least 1, got 0"):
+        point_chain("recover", "chain.seed_episodes=0")

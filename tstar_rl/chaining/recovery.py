@@ -1,6 +1,6 @@
 """Recovery: a chain whose arm goes home before a skill that is expected to fail begins, or once it has tried for long.
 
-Nothing is trained for it but F, the classifier of the next skill's outcomes. It is asked where a skill is handed over.
+No policy is trained for it. F, a classifier of the next skill's outcomes, is asked where a skill is handed over.
 
 Source: ours.
 """
@@ -15,146 +15,173 @@ from torch import Tensor, nn
 from tstar_rl.chaining.chain import ChainPolicy
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.checks import InvalidValueError, check_ranges
-from tstar_rl.signal_equations import feasibility
+from tstar_rl.signal_equations import feasibility, outcome_loss
+from tstar_rl.updates import LabelledSettings, LabelledUpdate
 
-__all__ = ["FEASIBILITY", "RecoveringChain", "RecoverySettings"]
+__all__ = ["FEASIBILITY", "RecoveringChain", "RecoverySettings", "learn_outcomes"]
 
 FEASIBILITY = "feasibility"
 """The name of F among a skill's networks."""
 
 WayHome = Callable[[Tensor], tuple[Tensor, Tensor]]
-"""Observations (n, O) -> actions (n, 9) towards home, and whether the arm has arrived, (n,) bool."""
+"""Observations (n, O) -> actions (n, 9) towards home, and whether the arm is there, (n,) bool."""
 
 
 @dataclass(frozen=True)
 class RecoverySettings:
     """When the arm goes home, so that the skill whose turn it is begins from there."""
 
-    below: float | None = 0.5
+    at_most: float | None = 0.5
     """Where a skill is handed over: if F of it is at most this. None: never; 1: always."""
     blind: bool = False
-    """As often as F would ask for it, but drawn: the control that tells what F knows."""
+    """As often at each skill as F would send it, but drawn: the control that tells what F knows of a state."""
     patience: int | None = None
-    """When a skill has acted for so many steps since it began, or since the arm was home. None: never."""
+    """When a skill has acted for so many steps since it began, or since the arm was sent home. None: never."""
     most_steps: int = 40
     """Of one way home, after which the skill acts wherever the arm is."""
 
     def __post_init__(self) -> None:
-        check_ranges(self, share=("below",), count=("patience", "most_steps"))
-        if self.blind and not self.asks_f:
+        check_ranges(self, share=("at_most",), count=("patience", "most_steps"))
+        if self.blind and not self.uses_f:
             raise InvalidValueError(
-                f"recovery.blind draws as often as F asks, and F is not asked: recovery.below must be below 1, "
-                f"got {self.below}"
+                "recovery.blind draws as often as F would send the arm home, and F has no say: recovery.at_most must "
+                f"be below 1, got {self.at_most}"
+            )
+        if self.at_most is None and self.patience is None:
+            raise InvalidValueError(
+                "the arm would never go home: recovery.at_most or recovery.patience must be a number"
             )
 
     @property
-    def asks_f(self) -> bool:
+    def uses_f(self) -> bool:
         """Whether anything hangs on what F says."""
-        return self.below is not None and self.below < 1.0
+        return self.at_most is not None and self.at_most < 1.0
 
     def share_of(self, logit: Tensor | None) -> float:
         """The share of hand-overs at which the arm goes home.
 
         Args:
-            logit: raw outputs of F for states that were handed over, (n, 1); None where F is not asked.
+            logit: raw outputs of F for states that were handed over, (n, 1); None where F has no say, or where it is
+                unknown since the skill was never handed over: the arm then always goes home.
         """
-        if logit is None or not len(logit):
-            return float(self.below == 1.0)
-        return float(self.expects_failure(logit).double().mean())
+        if self.at_most is None:
+            return 0.0
+        return 1.0 if logit is None else float(self.expects_failure(logit).double().mean())
 
     def expects_failure(self, logit: Tensor) -> Tensor:
         """Whether the arm goes home from states with these raw outputs of F, (n, 1) -> (n,) bool."""
-        return (feasibility(logit) <= (self.below or 0.0)).squeeze(-1)
+        return (feasibility(logit) <= (0.0 if self.at_most is None else self.at_most)).squeeze(-1)
+
+
+def learn_outcomes(
+    skill: Skill, starts: Tensor, succeeded: Tensor, settings: LabelledSettings, seed: int
+) -> dict[str, float]:
+    """Makes a skill's network `FEASIBILITY` and teaches it F of these starts; returns what is logged.
+
+    Args:
+        skill: without such a network.
+        starts: (n, O), where the skill took over.
+        succeeded: (n,) bool, what came of each.
+        settings: how it learns.
+        seed: of its first weights, minibatches and noise.
+    """
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        network = skill.network(FEASIBILITY, settings.floor)
+    return LabelledUpdate(FEASIBILITY, network, outcome_loss, settings, seed)(starts, succeeded)
 
 
 @dataclass
 class _Rows:
-    """Of each simulation, (N,): where its episode stands. `homings` counts ways home in the episode."""
+    """Where the episode of each simulation stands, (N,) int64 each."""
 
     subtask: Tensor
     acted: Tensor
+    """Steps of the skill since it began, or since the arm was sent home."""
     left: Tensor
+    """Steps that its way home may still take; 0: it is on none."""
     homings: Tensor
+    """Ways home in the episode."""
 
 
 class RecoveringChain(ChainPolicy):
     """A `ChainPolicy` that also sends the arm home. It remembers each row's episode until one with step_count 0.
 
-    Reads "done" and "step_count" too. The first skill begins at home, so it is never sent there by F.
+    Reads "done" and "step_count" too. The first skill begins at home, so that F has no say there.
 
     Args:
         skills: in the order of the subtasks; F is their network `FEASIBILITY`.
         way_home: see `WayHome`.
         settings: when.
-        shares: of the hand-overs to each skill but the first, how many go home; they are drawn where F is not asked.
+        shares: of the hand-overs to each skill but the first, those that go home. They are drawn where F has no say,
+            and at a skill without F.
 
     Raises:
-        ValueError: if F is asked and a skill but the first has none, or there is not one share for each of them.
+        ValueError: if there is not one share for each skill but the first.
     """
 
     def __init__(
         self, skills: Sequence[Skill], way_home: WayHome, settings: RecoverySettings, shares: Sequence[float]
     ) -> None:
         super().__init__(skills)
+        if len(shares) != len(skills) - 1:
+            raise ValueError(
+                f"recovery needs a share of every skill but the first: {len(skills) - 1}, got {len(shares)}"
+            )
         self.in_keys = ["observation", "subtask", "done", "step_count"]
         self.way_home, self.settings, self.shares = way_home, settings, tuple(shares)
-        asked = skills[1:] if settings.asks_f and not settings.blind else []
-        lacking = [skill.subtask for skill in asked if FEASIBILITY not in skill.networks]
-        if lacking or len(shares) != len(skills) - 1:
-            raise ValueError(
-                f"recovery needs F and a share of every skill but the first; got no F of {lacking or 'none'}, and "
-                f"{len(shares)} shares for {len(skills) - 1} skills"
-            )
-        self.networks = nn.ModuleList(skill.networks[FEASIBILITY] for skill in asked)
+        asked = skills[1:] if settings.uses_f and not settings.blind else []
+        known = [skill for skill in asked if FEASIBILITY in skill.networks]
+        self.networks = nn.ModuleDict({str(skill.subtask): skill.networks[FEASIBILITY] for skill in known})
         self._rows: _Rows | None = None
 
     @property
     def homings(self) -> Tensor:
-        """(N,) int64, how often the arm of each row was sent home in its episode."""
+        """(N,) int64, how often the arm of each row went home in its episode."""
         return torch.zeros(0, dtype=torch.int64) if self._rows is None else self._rows.homings
 
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
         """tensordict: batch [N] -> the same with "action" (N, 9)."""
         tensordict = super().forward(tensordict)
-        observation, live = tensordict["observation"], ~tensordict["done"].squeeze(-1)
+        observation = tensordict["observation"]
         rows, handed = self._follow(tensordict)
-        asked = live & self._asks(observation, rows, handed)
-        rows.homings += asked
-        rows.left[asked] = self.settings.most_steps
-        away = rows.left > 0
-        if bool(away.any()):
-            action, arrived = self.way_home(observation)
-            rows.left[arrived] = 0
-            away = rows.left > 0
-            tensordict["action"][away] = action[away]
-        rows.left -= away.long()
-        rows.acted = torch.where(away, 0, rows.acted + 1)
+        over = tensordict["done"].squeeze(-1) | (rows.subtask >= len(self.policies))
+        sent = self._sent_home(observation, rows, handed) & ~over
+        rows.left[sent], rows.acted[sent] = self.settings.most_steps, 0
+        if bool((rows.left > 0).any()):
+            action, there = self.way_home(observation)
+            rows.left[there] = 0
+            going = rows.left > 0
+            tensordict["action"][going] = action[going]
+            rows.homings += sent & going
+        rows.acted = torch.where(rows.left > 0, 0, rows.acted + 1)
+        rows.left = (rows.left - 1).clamp_min(0)
         return tensordict
 
     def _follow(self, tensordict: TensorDictBase) -> tuple[_Rows, Tensor]:
         """The rows as they are now, and which of them a skill has just handed over, (N,) bool."""
         subtask, begins = tensordict["subtask"].squeeze(-1), tensordict["step_count"].squeeze(-1) == 0
-        if self._rows is None or self._rows.subtask.shape != subtask.shape:
-            self._rows = _Rows(subtask.clone(), *(torch.zeros_like(subtask) for _ in range(3)))
-        rows = self._rows
-        handed = (subtask != rows.subtask) & ~begins
+        before = self._rows
+        if before is None or before.subtask.shape != subtask.shape or before.subtask.device != subtask.device:
+            self._rows = before = _Rows(subtask, *(torch.zeros_like(subtask) for _ in range(3)))
+        rows, handed = before, (subtask != before.subtask) & ~begins
         new = handed | begins
         rows.subtask = subtask.clone()
         rows.acted, rows.left = rows.acted.masked_fill(new, 0), rows.left.masked_fill(new, 0)
         rows.homings = rows.homings.masked_fill(begins, 0)
         return rows, handed
 
-    def _asks(self, observation: Tensor, rows: _Rows, handed: Tensor) -> Tensor:
+    def _sent_home(self, observation: Tensor, rows: _Rows, handed: Tensor) -> Tensor:
         """Which rows are sent home now, (N,) bool; none that is on its way."""
-        asks = torch.zeros_like(handed)
+        sent = torch.zeros_like(handed)
         if self.settings.patience is not None:
-            asks |= (rows.left == 0) & (rows.acted >= self.settings.patience)
-        for index, share in enumerate(self.shares):
-            here = (handed & (rows.subtask == index + 1)).nonzero().squeeze(-1)
+            sent |= (rows.left == 0) & (rows.acted >= self.settings.patience)
+        for index, share in enumerate(self.shares, start=1):
+            here = (handed & (rows.subtask == index)).nonzero().squeeze(-1)
             if not len(here):
                 continue
-            if self.networks:
-                asks[here] = self.settings.expects_failure(self.networks[index](observation[here]))
+            if str(index) in self.networks:
+                sent[here] = self.settings.expects_failure(self.networks[str(index)](observation[here]))
             else:
-                asks[here] = torch.rand(len(here), device=here.device) < share
-        return asks
+                sent[here] = torch.rand(len(here), device=here.device) < share
+        return sent

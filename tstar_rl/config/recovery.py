@@ -9,12 +9,13 @@ from omegaconf import DictConfig
 from tstar_rl.chaining.chain import ChainPolicy
 from tstar_rl.chaining.recovery import RecoveringChain, RecoverySettings
 from tstar_rl.chaining.skill import Skill
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.values import settings
 from tstar_rl.env.homing import way_home
 from tstar_rl.env.task_tables import DEFAULT_SETTINGS
 from tstar_rl.runs.checkpoint import read_record
 
-__all__ = ["chain_policy"]
+__all__ = ["chain_policy", "refuse_recovery"]
 
 
 def chain_policy(config: DictConfig, skills: Sequence[Skill], folders: Sequence[Path]) -> ChainPolicy:
@@ -35,3 +36,12 @@ def chain_policy(config: DictConfig, skills: Sequence[Skill], folders: Sequence[
         settings(RecoverySettings, recovery["settings"]),
         recovery["shares"],
     )
+
+
+def refuse_recovery(folder: Path) -> None:
+    """Raises InvalidValueError if the chain whose first skill is saved in `folder` has recovery."""
+    if read_record(folder).get("recovery") is not None:
+        raise InvalidValueError(
+            f"{folder.parent} is a chain with recovery, which evaluate.py alone runs; its skills are those of the "
+            "chain that it was made from"
+        )

@@ -7,6 +7,7 @@ from tstar_rl.chaining.chain import load_chain
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.config.build import environment
 from tstar_rl.config.chain import check_links, load_skills
+from tstar_rl.config.recovery import refuse_recovery
 from tstar_rl.rollouts.state_sets import TerminationSet
 from tstar_rl.runs.run_folder import is_untrained, run_path
 
@@ -18,10 +19,12 @@ def chain_of(config: DictConfig, system: str) -> list[Skill]:
 
     Raises:
         ConfigError: if chain.links is not how many a trained chain has.
+        InvalidValueError: if it is a chain with recovery.
     """
     if is_untrained(system):
         return load_skills(config, config.checkpoint)
     run = run_path(config.runs_dir, config.task.name, system, config.seed)
+    refuse_recovery(run / config.checkpoint / "skill0")
     skills = load_chain(run / config.checkpoint, task=config.task.name)
     check_links(config, len(skills))
     return [skill.to(config.device) for skill in skills]
