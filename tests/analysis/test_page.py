@@ -33,15 +33,17 @@ QUOTED = [
     "tstar_costliest - buffer_costliest", "tstar_between_costliest - buffer_costliest", "tstar - buffer_bonus",
     "tstar_between - buffer_bonus", "tstar - buffer",
     "feasibility_costliest - buffer_costliest", "from_scratch: tstar - gaussian",
-    "buffer_costliest - buffer", "in_order_cloned - tstar",
+    "buffer_costliest - buffer", "in_order_cloned - tstar", "recovery: recover_always - no_finetuning",
     "input_floor: floored - no_finetuning", "input_floor: tstar - no_finetuning", "input_floor: floored - tstar",
     "input_floor: tstar - gaussian",
     "buffer_costliest - buffer", "tstar_costliest - tstar", "in_order_demonstrated - in_order",
     "wider_starts_costliest - tstar", "wider_starts_costliest - gaussian", "wider_starts_costliest - buffer_costliest",
-    "in_order_cloned - gaussian", "no_finetuning_jittered - no_finetuning", "gaussian - no_finetuning_jittered",
+    "recovery: recover_always - no_finetuning", "in_order_cloned - gaussian", "no_finetuning_jittered - no_finetuning", "gaussian - no_finetuning_jittered",
     "gaussian - no_finetuning", "in_order - tstar", "buffer_costliest - buffer", "tstar_costliest - tstar",
     "tstar_costliest - buffer_costliest", "feasibility_costliest - buffer_costliest",
     "from_scratch: tstar - gaussian", "from_scratch: tstar - buffer_bonus", "from_scratch: floored - no_finetuning",
+    "recovery: recover_always - no_finetuning", "recovery: recover - recover_blind", "recovery: recover_always - recover",
+    "recovery: recover_late - no_finetuning",
     "in_order_cloned - in_order_demonstrated",
 ]  # fmt: skip
 """The arms of each difference with an interval in the notes, in their order; the last one is the README's own."""
@@ -59,7 +61,7 @@ def test_differences_in_the_text_are_those_of_the_tables_and_their_intervals_are
     assert len(quoted) == len(QUOTED), [f"{value}{words}" for value, words, *_ in quoted]
     rows = {
         name: read_experiment(PUBLISHED / name).chosen("table_lack")
-        for name in ("beyond_tstar", "from_scratch", "input_floor")
+        for name in ("beyond_tstar", "from_scratch", "input_floor", "recovery")
     }
     wrong = []
     for named, (value, words, *ends) in zip(QUOTED, quoted, strict=True):
@@ -127,6 +129,13 @@ def test_curves_are_sorted_into_skills_chains_and_single_policies():
         "single_policies": ["ppo"],
     }
     assert curve_groups(pd.DataFrame(rows).assign(task="table"), "chair") == {}
+    rows = [
+        {"recipe": "recover", "subtask": -1, "skill": 1, "env_steps": 10},
+        {**rows[0], "success_rate": 0.5},
+    ]
+    assert list(curve_groups(pd.DataFrame(rows).assign(task="table"), "table")) == [
+        "skills"
+    ]  # nothing is trained
 
 
 def test_arms_stand_in_the_order_of_the_file_with_their_variants():

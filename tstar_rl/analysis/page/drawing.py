@@ -44,13 +44,18 @@ CAPTIONS = {
 
 
 def curve_groups(metrics: pd.DataFrame, task: str) -> dict[str, pd.DataFrame]:
-    """What a task's runs logged: of skills, of chains, and of policies for the whole task, where there are any."""
+    """What a task's runs logged: of skills, of chains, and of policies for the whole task, where there are any.
+
+    Of a chain whose policies are not trained (`recover`, `refitted`) nothing can be drawn.
+    """
     rows = metrics[(metrics["task"] == task) & (metrics["env_steps"] > 0)] if len(metrics) else metrics
     if rows.empty:
         return {}
     chained = rows["skill"].notna() if "skill" in rows else pd.Series(False, rows.index)
     whole = (rows["subtask"] == -1) & ~chained
-    groups = {"skills": rows[rows["subtask"] >= 0], "chains": rows[chained], "single_policies": rows[whole]}
+    drawn = [name for name in ("success_rate", "trial_progress") if name in rows]
+    trained = chained & rows[drawn].notna().any(axis=1) if drawn else chained
+    groups = {"skills": rows[rows["subtask"] >= 0], "chains": rows[trained], "single_policies": rows[whole]}
     return {name: group for name, group in groups.items() if len(group)}
 
 
