@@ -38,12 +38,13 @@ QUOTED = [
     "input_floor: tstar - gaussian",
     "buffer_costliest - buffer", "tstar_costliest - tstar", "in_order_demonstrated - in_order",
     "wider_starts_costliest - tstar", "wider_starts_costliest - gaussian", "wider_starts_costliest - buffer_costliest",
-    "recovery: recover_always - no_finetuning", "in_order_cloned - gaussian", "no_finetuning_jittered - no_finetuning", "gaussian - no_finetuning_jittered",
+    "recovery: recover_always - no_finetuning",
+    "in_order_cloned - gaussian", "no_finetuning_jittered - no_finetuning", "gaussian - no_finetuning_jittered",
     "gaussian - no_finetuning", "in_order - tstar", "buffer_costliest - buffer", "tstar_costliest - tstar",
     "tstar_costliest - buffer_costliest", "feasibility_costliest - buffer_costliest",
     "from_scratch: tstar - gaussian", "from_scratch: tstar - buffer_bonus", "from_scratch: floored - no_finetuning",
-    "recovery: recover_always - no_finetuning", "recovery: recover - recover_blind", "recovery: recover_always - recover",
-    "recovery: recover_late - no_finetuning",
+    "recovery: recover_always - no_finetuning", "recovery: recover - recover_blind",
+    "recovery: recover_always - recover", "recovery: recover_late - no_finetuning",
     "in_order_cloned - in_order_demonstrated",
 ]  # fmt: skip
 """The arms of each difference with an interval in the notes, in their order; the last one is the README's own."""
