@@ -243,19 +243,3 @@ def test_arms_of_several_commits_are_refused_unless_the_contents_say_so(publishe
     page = results_page(published, THEIRS, "")
     assert "The runs come from several commits:" in page
     assert "- ddddddd: `table`: `buffer` (seed 3)" in page and "`tstar` (seed 3, 4)" in page
-
-
-def test_of_chains_with_recovery_the_page_says_how_long_an_episode_is_and_how_often_the_arm_goes_home(
-    published,
-):
-    for seed, homings in ((3, 2.0), (4, 1.5)):
-        write(
-            published, "odd", "recover", seed, 0.5, columns={"homings": homings, "episode_length": 400 + seed}
-        )
-    odd, plain = results_page(published, THEIRS, "").split("\n## Odd chains\n")[1].split("\n## Plain: chains")
-    header, row = (
-        next(line for line in odd.splitlines() if line.startswith(begin)) for begin in ("| arm |", "| rec")
-    )
-    assert header.endswith("| environment steps | steps of an episode (mean) | ways home in it (mean) |")
-    assert row.endswith("| 0.50M | 404 | 1.75 |")
-    assert "ways home" not in plain

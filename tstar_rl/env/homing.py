@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from tstar_envs.robots import sawyer
-from tstar_envs.tasks.retreat import velocities_to
+from tstar_envs.tasks.retreat import joint_speeds, velocities_to
 
 __all__ = ["ARRIVED", "way_home"]
 
@@ -29,7 +29,7 @@ def way_home(observation: Tensor, velocity_scale: float) -> tuple[Tensor, Tensor
     """
     joints = observation[:, : sawyer.NUM_JOINTS].double()
     home = torch.tensor(sawyer.HOME_QPOS, dtype=torch.float64, device=joints.device)
-    speeds = velocity_scale * torch.tensor(sawyer.JOINT_SPEEDS, dtype=torch.float64, device=joints.device)
+    speeds = joint_speeds(velocity_scale, joints.device)
     action = torch.full(
         (len(joints), sawyer.NUM_JOINTS + 2), -1.0, device=joints.device
     )  # open, not connecting

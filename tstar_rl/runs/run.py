@@ -120,9 +120,8 @@ class Run:
             except (CheckpointMismatchError, checkpoint.DamagedCheckpointError, LogError) as error:
                 raise type(error)(f"{error} (resume=false starts over)") from error
             note_resumed(self.results, self.env_steps)
-            for section in (
-                name for name in begun if begun[name] != self.record[name]
-            ):  # that of more steps, if any
+            changed = [section for section in begun if begun[section] != self.record[section]]
+            for section in changed:  # that of more steps, if any
                 note_section(self.results, section, self.record[section])
                 (self.results / "evaluation.csv").unlink(missing_ok=True)  # of the run with fewer steps
             finished.unlink(missing_ok=True)  # until it is done again

@@ -18,6 +18,7 @@ from tstar_envs.robots import sawyer
 from tstar_envs.tasks.actions import CONNECT, GRIPPER, NUM_ACTIONS
 from tstar_envs.tasks.assembly import Assembly
 from tstar_envs.tasks.recipe_tables import RecipeTables
+from tstar_envs.tasks.retreat import joint_speeds
 from tstar_envs.tasks.scene_reader import Scene
 from tstar_envs.tasks.task import EpisodeState
 
@@ -46,9 +47,7 @@ class Assembler:
 
     def __init__(self, task: Assembly, physics: PhysicsView):
         self.task, self.physics = task, physics
-        self.limits = task.settings.velocity_scale * torch.tensor(
-            sawyer.JOINT_SPEEDS, dtype=torch.float64, device=physics.device
-        )
+        self.limits = joint_speeds(task.settings.velocity_scale, physics.device)
         self._anchors, self._axes = physics.joint_frames(sawyer.NUM_JOINTS)
         self._hand_in_connector = _hand_in_connector(task.tables)
 

@@ -18,7 +18,7 @@ from tstar_envs.tasks.actions import CONNECT, GRIPPER
 from tstar_envs.tasks.episode_start import EpisodeStarts
 from tstar_envs.tasks.phase_reward import PHASES
 from tstar_envs.tasks.recipe_tables import RecipeTables
-from tstar_envs.tasks.retreat import draw_back
+from tstar_envs.tasks.retreat import draw_back, joint_speeds
 from tstar_envs.tasks.scene_reader import Scene, SceneReader
 from tstar_envs.tasks.step_reward import StepReward, moved
 from tstar_envs.tasks.task import BatchedTask, EpisodeState
@@ -41,9 +41,7 @@ class Assembly(BatchedTask):
         self.step_limit = settings.max_steps * (self.tables.num_steps if subtask is None else 1)
         self._wrong = WrongPairs(furniture, physics.device)
         self._reader = SceneReader(self.tables, physics, furniture.part_names)
-        self._speeds = settings.velocity_scale * torch.tensor(
-            sawyer.JOINT_SPEEDS, dtype=torch.float64, device=physics.device
-        )
+        self._speeds = joint_speeds(settings.velocity_scale, physics.device)
         self._open = torch.tensor(sawyer.FINGER_OPEN, dtype=torch.float64, device=physics.device)
         self._stroke = (
             torch.tensor(sawyer.FINGER_CLOSED, dtype=torch.float64, device=physics.device) - self._open

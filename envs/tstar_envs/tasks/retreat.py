@@ -47,3 +47,8 @@ def velocities_to(goal: Tensor, joints: Tensor, speeds: Tensor) -> Tensor:
     """Joint velocities (n, 7), rad/s, straight towards `goal` (7,) from `joints` (n, 7), none beyond `speeds` (7,)."""
     velocity = RATE * (goal - joints)
     return velocity / (velocity.abs() / speeds).amax(-1, keepdim=True).clamp_min(1.0)
+
+
+def joint_speeds(scale: float, device: torch.device) -> Tensor:
+    """The fastest that each joint may turn, (7,) float64, rad/s, where the setting velocity_scale is `scale`."""
+    return scale * torch.tensor(sawyer.JOINT_SPEEDS, dtype=torch.float64, device=device)

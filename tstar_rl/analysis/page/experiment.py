@@ -1,4 +1,4 @@
-"""An experiment as a part of the page: its arms with intervals, its comparisons, and the commits it comes from."""
+"""An experiment as a part of the page: its arms with intervals, its comparisons and its questions."""
 
 import math
 from collections.abc import Collection
@@ -24,10 +24,9 @@ from tstar_rl.analysis.page.markdown import (
 )
 from tstar_rl.analysis.questions import answer
 from tstar_rl.analysis.statistics import holm
-from tstar_rl.analysis.tables import short_commit
 from tstar_rl.runs.run_folder import UNTRAINED
 
-__all__ = ["answers", "arms", "commits", "comparison_table", "comparisons", "draw_experiment", "short_table"]
+__all__ = ["answers", "arms", "comparison_table", "comparisons", "draw_experiment", "short_table"]
 
 ARMS = "Every seed is a dot, with interquartile mean and 95% interval; right: the share of seeds above a progress."
 PAIRS = "Differences in progress on the same seed."
@@ -209,30 +208,6 @@ def comparisons(experiment: Experiment, paper: Paper, entry: Entry, task: str) -
     """The table of the compared pairs of a task, and their figure; nothing if none shares a seed."""
     found = comparison_table(experiment, paper, entry, task)
     return f"{picture(PAIRS, f'{entry.prefix}{task}_differences')}\n{found}" if found else ""
-
-
-def commits(experiment: Experiment) -> str:
-    """A sentence that names the commits of the arms and of the skills that were evaluated alone."""
-    found = experiment.commits()
-    if len(found) == 1:
-        return f"All runs come from commit {short_commit(next(iter(found)))}.\n"
-    parts = []
-    for commit, runs in found.items():
-        seeds: dict[str, dict[str, list[str]]] = {}
-        for run in runs:
-            task, arm, seed = run.rsplit("/", 2)
-            seeds.setdefault(task, {}).setdefault(arm, []).append(seed.removeprefix("seed"))
-        named = "; ".join(f"`{task}`: {_with_seeds(arms)}" for task, arms in seeds.items())
-        parts.append(f"- {short_commit(commit)}: {named}\n")
-    return "The runs come from several commits:\n\n" + "".join(parts)
-
-
-def _with_seeds(arms: dict[str, list[str]]) -> str:
-    """Arms with the same seeds stand together."""
-    alike: dict[str, list[str]] = {}
-    for arm, seeds in arms.items():
-        alike.setdefault(", ".join(seeds), []).append(f"`{arm}`")
-    return ", ".join(f"{', '.join(names)} (seed {seeds})" for seeds, names in alike.items())
 
 
 def draw_experiment(experiment: Experiment, paper: Paper, entry: Entry, figures: Path) -> list[Path]:

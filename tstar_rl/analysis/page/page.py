@@ -10,6 +10,7 @@ from tstar_rl.analysis.experiments import read_experiment
 from tstar_rl.analysis.page import experiment as parts
 from tstar_rl.analysis.page import sections
 from tstar_rl.analysis.page.choices import choice_table
+from tstar_rl.analysis.page.commits import commits
 from tstar_rl.analysis.page.contents import Entry, read_contents
 from tstar_rl.analysis.page.costs import costs
 from tstar_rl.analysis.page.drawing import curves
@@ -115,7 +116,7 @@ def _experiment(entry: Entry, paper: Paper) -> str:
         return "\n\n".join([*said, sections.ablated(entry.folder)])
     evaluations, metrics = sections.evaluations_of(entry.folder), read_metrics(entry.folder)
     experiment = None if entry.kind == "paper" else read_experiment(entry.folder, entry.commits == "one")
-    said.append(parts.commits(experiment) if experiment else "")
+    said.append(commits(experiment) if experiment else "")
     said.append(f"[Every run of it](every_run.md#{anchor(entry.title)}), seed by seed.")
     said.append(over_tasks(experiment, paper, entry) if experiment and entry.kind == "experiment" else "")
     for task in filter(entry.has_section, sections.tasks_of(paper, evaluations)):
