@@ -8,8 +8,9 @@ of skills of that scale, in folders of their own (docs/usage.md, "Step by step",
 
 Where nobody puts the arm home between subtasks, that is what a chain can do of itself, and it costs time. F, a
 classifier of each skill's outcomes, learns from one trial of the chain; a skill that this never reached has none, and
-the arm goes home. Controls: always (recovery.at_most=1), as often at each skill but drawn (recovery.blind=true), only
-once a skill has tried for long (recovery.patience).
+the arm goes home. Another trial judges it: AUC, Brier score and, in calibration.csv, its reliability curve. Controls:
+always (recovery.at_most=1), as often at each skill but drawn (recovery.blind=true), only once a skill has tried for
+long (recovery.patience).
 """
 
 from dataclasses import asdict
@@ -32,17 +33,21 @@ def main(config: DictConfig) -> None:
         )
     run = rl.Run(rl.plain(config))
     run.start()
-    seed, trial, steps = rl.derive_seed(config.seed, "harvest"), None, 0
+    heard = fresh = None
     if recovery.uses_f:
-        env = rl.environment(config, None, chain.seed_episodes, seed, max_steps=chain.trial_max_steps)
-        trial = rl.run_trial(skills, env)
-        steps = trial.steps()
-    shares = []
+        heard = rl.run_trial(skills, rl.trial_env(config, chain.seed_episodes, "harvest"))
+        fresh = rl.run_trial(skills, rl.trial_env(config, chain.trial_episodes, "validate"))
+    steps = sum(trial.steps() for trial in (heard, fresh) if trial)
+    seed, shares = rl.derive_seed(config.seed, "harvest"), []
     for index, skill in enumerate(skills[1:], start=1):
         log, logit = {}, None
-        if trial is not None and len(starts := trial.skills[index].starts):
-            log = rl.learn_outcomes(skill, starts, trial.skills[index].succeeded, learning, seed)
+        if heard and fresh and len(starts := heard.skills[index].starts):
+            log = rl.learn_outcomes(skill, starts, heard.skills[index].succeeded, learning, seed)
             logit = skill.network("feasibility")(starts)
+            judged, curve = rl.judge_outcomes(skill, fresh.skills[index])
+            log |= judged
+            if curve is not None:
+                run.log_calibration(steps, index - 1, "feasibility", curve)
         shares.append(recovery.share_of(logit))
         run.log(steps, skill=index, sent_home=shares[-1], **log)
     rule = {"settings": asdict(recovery), "shares": shares}

@@ -12,12 +12,12 @@ from tstar_rl.deferred import deferred
 
 if TYPE_CHECKING:
     from tstar_rl.chaining.chain import ChainPolicy, load_chain, save_chain
-    from tstar_rl.chaining.recovery import RecoverySettings, learn_outcomes
+    from tstar_rl.chaining.recovery import RecoverySettings, judge_outcomes, learn_outcomes
     from tstar_rl.chaining.signals import StateValue, value_scale
     from tstar_rl.chaining.skill import NetworkSettings, Skill
     from tstar_rl.chaining.trials import run_trial
     from tstar_rl.config.build import environment, load_demonstrations, new_skill, skill_training
-    from tstar_rl.config.chain import chain_turns, load_skills
+    from tstar_rl.config.chain import chain_turns, load_skills, trial_env
     from tstar_rl.config.load import recipe
     from tstar_rl.config.schema import Section
     from tstar_rl.config.values import plain, settings
@@ -76,6 +76,7 @@ HOMES = {
     "chain_turns": "config.chain",
     "derive_seed": "seeds",
     "environment": "config.build",
+    "judge_outcomes": "chaining.recovery",
     "learn_outcomes": "chaining.recovery",
     "load_chain": "chaining.chain",
     "load_demonstrations": "config.build",
@@ -89,6 +90,7 @@ HOMES = {
     "settings": "config.values",
     "skill_training": "config.build",
     "squared_error_loss": "signal_equations",
+    "trial_env": "config.chain",
     "value_scale": "chaining.signals",
     "weighted": "transforms",
     "load_pretrained": "shipped.catalogue",
@@ -128,6 +130,7 @@ __all__ = [
     "chain_turns",
     "derive_seed",
     "environment",
+    "judge_outcomes",
     "learn_outcomes",
     "load_chain",
     "load_demonstrations",
@@ -141,6 +144,7 @@ __all__ = [
     "settings",
     "skill_training",
     "squared_error_loss",
+    "trial_env",
     "value_scale",
     "weighted",
     "load_pretrained",

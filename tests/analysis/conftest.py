@@ -1,9 +1,10 @@
-"""Published tables that tests of the page share."""
+"""Tables that tests of experiments and of the page share."""
 
 from pathlib import Path
 
 import pandas as pd
 import pytest
+from arm_tables import write_arm, write_skills
 from published_runs import contents, write
 
 
@@ -22,4 +23,14 @@ def published(tmp_path) -> Path:
     (tmp_path / "plain" / "README.md").write_text("# Plain: chains\n\nAs in the paper.\n")
     odd = {"folder": "odd", "kind": "experiment", "pairs": [["tstar", "buffer_no_gate"]]}
     contents(tmp_path, [odd, {"folder": "plain", "kind": "paper"}], {"odd": None, "plain": None})
+    return tmp_path
+
+
+@pytest.fixture
+def two_arms(tmp_path) -> Path:
+    """Two arms of two seeds."""
+    for seed, (one, other) in enumerate((([1.0, 0.9], [0.9, 0.6]), ([1.0, 0.7], [0.8, 0.4]))):
+        write_arm(tmp_path, "tstar", seed, one)
+        write_arm(tmp_path, "buffer", seed, other)
+        write_skills(tmp_path, seed, [1.0, 0.95])
     return tmp_path

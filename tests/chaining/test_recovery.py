@@ -1,5 +1,6 @@
 """When a chain sends its arm home, and what it does on the way. The way home here is one step a row: see `home`."""
 
+import pandas as pd
 import pytest
 import torch
 from omegaconf import OmegaConf
@@ -155,6 +156,12 @@ def test_the_recipe_teaches_f_and_saves_when_the_arm_goes_home(point_chain, tmp_
     succeeded, sent = table.feasibility_label, table.sent_home
     assert 0.3 < succeeded[0] < 0.7 and succeeded[1] == 1.0
     assert sent[0] == pytest.approx(1 - succeeded[0], abs=0.1) and sent[1] == 0.0
+    assert table.feasibility_auc[0] > 0.9 and table.feasibility_brier[0] < 0.15  # of starts that F never saw
+    assert table.handed[:2].tolist() == [64, round(64 * table.success[0])]
+    curves = pd.read_csv(tmp_path / "results/table_lack/recover/seed0/calibration.csv")
+    assert curves.groupby("skill").states.sum().to_dict() == dict(
+        enumerate(table.handed)
+    )  # by the skill before
     skills = load_chain(place)
     states = torch.zeros(2, 72)
     states[:, 0], states[:, 1] = 1.2, torch.tensor([-0.5, 0.5])

@@ -9,6 +9,8 @@ import pytest
 from recipe_runs import load_recipe, run
 from recorded import as_demonstrations, make, scripted
 
+from tstar_rl.chaining.chain import save_chain
+from tstar_rl.chaining.skill import NetworkSettings, Skill
 from tstar_rl.config import load_skill
 from tstar_rl.demonstrations.formats import not_reproduced, read_hdf5, write_hdf5
 from tstar_rl.rollouts.episodes import same_policy
@@ -45,6 +47,13 @@ def test_demonstrations_go_out_and_come_back_and_so_do_episodes(call, tmp_path, 
     assert again.made_by == "bc_mine_seed0_last, stochastic" and again.arguments["max_steps"] == 6
     assert [len(one) for one in again.episodes] == [6, 6]
     assert not (again.episodes[0].observations[0] == again.episodes[1].observations[0]).all()
+
+
+def test_episodes_of_a_chain_with_recovery_are_not_made_without_it(call, tmp_path):
+    skills = [Skill("chair_ingolf", index, NetworkSettings(hidden=(8,))) for index in range(2)]
+    save_chain(skills, tmp_path / "chain", recovery={"settings": {}, "shares": [1.0]})
+    with pytest.raises(SystemExit, match="chain is a chain with recovery, which evaluate.py alone runs"):
+        call("export", *QUICK, f"path={tmp_path / 'chain'}", "episodes=2", "formats=[hdf5]")
 
 
 def test_an_episode_that_differs_is_told(call, tmp_path, monkeypatch, capsys):

@@ -38,6 +38,15 @@ def trained(tmp_path, monkeypatch):
     return results
 
 
+def test_a_chain_with_recovery_is_not_shipped(trained, call):
+    """Whoever loaded it would run its skills without."""
+    run = Path("runs/table_lack/tstar/seed4/last")
+    save_chain(load_chain(run), run, recovery={"settings": {}, "shares": [1.0]})
+    with pytest.raises(SystemExit, match="last is a chain with recovery, which evaluate.py alone runs"):
+        call("ship", "scale=narrow", "seed=4", "variant=mended", "says=goes home")
+    assert not Path("runs/shipped").exists()
+
+
 def test_a_chain_is_shipped_with_what_is_known_of_it(trained, call, capsys):
     call("ship", "scale=narrow", "seed=4", "variant=mended", "says=fine-tuned", "signal=true")
     assert "runs/shipped/table_lack/mended: 2 skills, " in capsys.readouterr().out

@@ -12,13 +12,17 @@ import torch
 from tensordict import TensorDictBase
 from torch import Tensor, nn
 
+from tstar_rl.chaining.calibration import Reliability
 from tstar_rl.chaining.chain import ChainPolicy
+from tstar_rl.chaining.signals import judge
 from tstar_rl.chaining.skill import Skill
+from tstar_rl.chaining.trials import SkillTrial
 from tstar_rl.checks import InvalidValueError, check_ranges
 from tstar_rl.signal_equations import feasibility, outcome_loss
+from tstar_rl.transforms import FeasibilityReward
 from tstar_rl.updates import LabelledSettings, LabelledUpdate
 
-__all__ = ["FEASIBILITY", "RecoveringChain", "RecoverySettings", "learn_outcomes"]
+__all__ = ["FEASIBILITY", "RecoveringChain", "RecoverySettings", "judge_outcomes", "learn_outcomes"]
 
 FEASIBILITY = "feasibility"
 """The name of F among a skill's networks."""
@@ -89,6 +93,21 @@ def learn_outcomes(
         torch.manual_seed(seed)
         network = skill.network(FEASIBILITY, settings.floor)
     return LabelledUpdate(FEASIBILITY, network, outcome_loss, settings, seed)(starts, succeeded)
+
+
+def judge_outcomes(skill: Skill, found: SkillTrial) -> tuple[dict[str, float], Reliability | None]:
+    """How well F tells what came of hand-overs that it did not learn from.
+
+    Args:
+        skill: with an F.
+        found: what a trial from other starts tells of it.
+
+    Returns:
+        handed (how many hand-overs), success (the share that came to one) and the columns of `judge`; the curve.
+    """
+    signal = FeasibilityReward(skill.network(FEASIBILITY))
+    columns, curve = judge(FEASIBILITY, signal, found.starts, found.succeeded, found.succeeded)
+    return {"handed": len(found.starts), "success": found.success, **columns}, curve
 
 
 @dataclass

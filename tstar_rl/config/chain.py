@@ -110,13 +110,22 @@ class _Workshop:
         return collect(make, episodes, values.kind, values.noise, seed).to(self.config.device)
 
     def seeding_trial(self) -> TransformedEnv:
-        return self._whole(self.config.chain.seed_episodes, derive_seed(self.config.seed, "harvest"))
+        return trial_env(self.config, self.config.chain.seed_episodes, "harvest")
 
     def trial(self) -> TransformedEnv:
-        return self._whole(self.config.chain.trial_episodes, derive_seed(self.config.seed, "validate"))
+        return trial_env(self.config, self.config.chain.trial_episodes, "validate")
 
-    def _whole(self, episodes: int, seed: int) -> TransformedEnv:
-        return environment(self.config, None, episodes, seed, max_steps=self.config.chain.trial_max_steps)
+
+def trial_env(config: DictConfig, episodes: int, purpose: str) -> TransformedEnv:
+    """The whole task for one trial of a chain.
+
+    Args:
+        config: of a chain.
+        episodes: simulations, one episode each.
+        purpose: of `seeds.PURPOSES`; trials of one purpose begin alike.
+    """
+    seed = derive_seed(config.seed, purpose)
+    return environment(config, None, episodes, seed, max_steps=config.chain.trial_max_steps)
 
 
 def check_links(config: DictConfig, found: int) -> None:
