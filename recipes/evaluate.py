@@ -30,12 +30,12 @@ from tstar_rl.config.load import recipe
 from tstar_rl.config.pretrained import take_pretrained
 from tstar_rl.config.recovery import chain_policy
 from tstar_rl.config.values import plain
-from tstar_rl.launch.steps import check_evaluation, evaluated_runs, run_folder
+from tstar_rl.launch.steps import begun_with, check_evaluation, evaluated_runs, run_folder
 from tstar_rl.rollouts.episodes import evaluate, same_policy
 from tstar_rl.rollouts.recorder import Recorder
 from tstar_rl.runs.checkpoint import is_checkpoint
 from tstar_rl.runs.csv_tables import append_rows
-from tstar_rl.runs.run_config import note_evaluation, read_config
+from tstar_rl.runs.run_config import note_evaluation
 from tstar_rl.runs.run_folder import made_by, read_run_path, run_path
 from tstar_rl.seeds import evaluation_seed
 from tstar_rl.shipped.chain import ShippedChain
@@ -105,8 +105,8 @@ def _candidates(config: DictConfig, given: Iterable[str]) -> tuple[Path, dict[st
         one = Candidate(chain.to(config.device), None, len(chain.policies), spent)
         return run_folder(config, "results_dir"), {chain.record["checkpoint"]: one}
     results, checkpoints = _places(config, given)
-    begun_with = _begun_with(config, results)
-    return results, {name: _trained(config, begun_with, folders) for name, folders in checkpoints.items()}
+    skills, _ = begun_with(results, config)
+    return results, {name: _trained(config, skills, folders) for name, folders in checkpoints.items()}
 
 
 def _trained(config: DictConfig, begun_with: str, folders: list[Path]) -> Candidate:
@@ -177,12 +177,6 @@ def _take_from_path(config: DictConfig, given: Iterable[str]) -> Path | None:
 def _skills(place: Path) -> list[Path]:
     """The folder of the one skill saved at `place`, or of each skill of the chain saved there."""
     return [place] if is_checkpoint(place) else chain_folders(place)
-
-
-def _begun_with(config: DictConfig, results: Path) -> str:
-    """The system whose skills a chain began with: as its training noted, or the one asked for without fine-tuning."""
-    noted = read_config(results)
-    return config.skills if noted.get("evaluation_only") else noted.get("skills", config.skills)
 
 
 def _spent(config: DictConfig, begun_with: str, folders: list[Path], chain: bool) -> dict[str, float]:

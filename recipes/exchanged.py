@@ -3,8 +3,9 @@
     python recipes/exchanged.py system=tstar scale=no_return seed=1
 
 Nothing is trained. <results_dir>/<task>/exchanged.csv has four rows for each seam: the first skill as before or after
-fine-tuning, the second one too, and how often the second succeeds from where the first hands over. Rows of the same
-chain are replaced. exchanged.png beside it shows all chains of that checkpoint.
+fine-tuning, the second one too, and how often the second succeeds from where the first hands over. What the skills were
+before is what the chain's training noted (skills and from_checkpoint in its config.yaml). Rows of the same chain are
+replaced. exchanged.png beside it shows all chains of that checkpoint.
 """
 
 from functools import partial
@@ -13,11 +14,11 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from tstar_rl.analysis.figures import exchanged_figure, save_figure
-from tstar_rl.config.chain import load_skills
+from tstar_rl.config.chain import skills_as_they_are
 from tstar_rl.config.load import recipe
 from tstar_rl.config.seams import chain_of, env_at_seam
 from tstar_rl.intervals import share_columns
-from tstar_rl.launch.steps import check_chain
+from tstar_rl.launch.steps import begun_with, check_chain, run_folder
 from tstar_rl.runs.csv_tables import append_rows
 from tstar_rl.seams.exchange import exchange_skills
 from tstar_rl.seeds import evaluation_seed
@@ -27,7 +28,8 @@ from tstar_rl.seeds import evaluation_seed
 def main(config: DictConfig) -> None:
     """Measures one chain, writes and prints its table."""
     check_chain(config, config.system)
-    before, after = load_skills(config, config.from_checkpoint), chain_of(config, config.system)
+    config.skills, config.from_checkpoint = begun_with(run_folder(config, "results_dir"), config)
+    before, after = skills_as_they_are(config, config.from_checkpoint), chain_of(config, config.system)
     make = partial(env_at_seam, config, evaluation_seed(config.seed, "exchange"))
     rows = []
     for each in exchange_skills(before, after, make, config.evaluation.episodes):

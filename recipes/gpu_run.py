@@ -52,7 +52,7 @@ def main(config: DictConfig) -> None:
             if not taken and whole:
                 raise SystemExit(
                     f"{' '.join(step)} had all {config.minutes:g} minutes of a call and left nothing to go on "
-                    "from: give it more minutes, or a smaller training.checkpoint_every"
+                    "from: give it more minutes"
                 )
             if not taken:
                 raise SystemExit(MORE)

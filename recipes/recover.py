@@ -9,8 +9,8 @@ of skills of that scale, in folders of their own (docs/usage.md, "Step by step",
 Where nobody puts the arm home between subtasks, that is what a chain can do of itself, and it costs time. F, a
 classifier of each skill's outcomes, learns from one trial of the chain; a skill that this never reached has none, and
 the arm goes home. Another trial judges it: AUC, Brier score and, in calibration.csv, its reliability curve. Controls:
-always (recovery.at_most=1), as often at each skill but drawn (recovery.blind=true), only once a skill has tried for
-long (recovery.patience).
+always (recovery.at_most=1), the share of each skill's hand-overs that F asks for but drawn (recovery.blind=true), only
+once a skill has tried for long (recovery.patience).
 """
 
 from dataclasses import asdict
@@ -37,15 +37,14 @@ def main(config: DictConfig) -> None:
     if recovery.uses_f:
         heard = rl.run_trial(skills, rl.trial_env(config, chain.seed_episodes, "harvest"))
         fresh = rl.run_trial(skills, rl.trial_env(config, chain.trial_episodes, "validate"))
-    steps = sum(trial.steps() for trial in (heard, fresh) if trial)
-    seed, shares = rl.derive_seed(config.seed, "harvest"), []
+    steps, seed, shares = heard.steps() if heard else 0, rl.derive_seed(config.seed, "harvest"), []
     for index, skill in enumerate(skills[1:], start=1):
         log, logit = {}, None
         if heard and fresh and len(starts := heard.skills[index].starts):
             log = rl.learn_outcomes(skill, starts, heard.skills[index].succeeded, learning, seed)
             logit = skill.network("feasibility")(starts)
             judged, curve = rl.judge_outcomes(skill, fresh.skills[index])
-            log |= judged
+            log |= judged | {"trial_steps": fresh.steps() if index == 1 else 0}
             if curve is not None:
                 run.log_calibration(steps, index - 1, "feasibility", curve)
         shares.append(recovery.share_of(logit))

@@ -24,8 +24,7 @@ def main(config: DictConfig) -> None:
             "normalisers see the ends of episodes: chain.path_steps must be at least 1, got 0"
         )
     skills, chain = rl.load_skills(config, checkpoint=config.from_checkpoint), config.chain
-    seed = rl.derive_seed(config.seed, "harvest")
-    env = rl.environment(config, None, chain.trial_episodes, seed, max_steps=chain.trial_max_steps)
+    env = rl.trial_env(config, chain.trial_episodes, "harvest")
     run = rl.Run(rl.plain(config))
     run.start()
     trial = rl.run_trial(skills, env, chain.path_steps)

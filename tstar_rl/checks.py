@@ -11,6 +11,7 @@ __all__ = [
     "InvalidValueError",
     "MissingExtraError",
     "MissingFileError",
+    "NothingToDo",
     "UserError",
     "check_ranges",
     "check_sizes",
@@ -30,6 +31,10 @@ class UserError(Exception):
 
 class InvalidValueError(UserError, ValueError):
     """A value that a user gave is not valid; the message says which are."""
+
+
+class NothingToDo(UserError):
+    """What is asked for is there already. A recipe ends with this message as one that has done its work."""
 
 
 class MissingFileError(UserError, FileNotFoundError):

@@ -46,14 +46,20 @@ def test_curves_and_table_from_folders(tmp_path):
 
 def test_an_arm_costs_its_skills_its_fine_tuning_and_its_trials():
     rows = pd.DataFrame(
-        {"task": "table", "arm": ["plain", "mended", "mended"], "env_steps": [5e5, 1.5e6, 2.5e6]}
+        {
+            "task": "table",
+            "arm": ["plain", "floored", "mended", "mended"],
+            "env_steps": [5e5, 6e5, 1.5e6, 2.5e6],
+        }
     )
     tried = {"recipe": "mended", "subtask": -1, "trial_progress": 0.5, "accepted": 1, "trial_steps": 1e5}
     metrics = pd.DataFrame(
         [tried | {"seed": seed, "env_steps": step} for seed in (0, 1) for step in (1, 2, 3)]
     )
+    untried = pd.DataFrame([{"recipe": "floored", "subtask": -1, "seed": 0, "env_steps": 0}])
+    metrics = pd.concat([metrics, untried]).assign(task="table")
     # Two seeds of 1.5M and 2.5M, each with three trials of .1M.
-    assert steps_of_arms(rows, metrics.assign(task="table")).to_dict() == {"plain": 5e5, "mended": 2.3e6}
+    assert steps_of_arms(rows, metrics).to_dict() == {"plain": 5e5, "floored": 6e5, "mended": 2.3e6}
 
 
 @pytest.mark.parametrize("tried", [None, 0.5])

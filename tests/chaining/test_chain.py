@@ -8,6 +8,7 @@ from tstar_rl.chaining.chain import load_chain
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.chaining.turns import Turn
 from tstar_rl.runs.mismatch import CheckpointMismatchError
+from tstar_rl.runs.run_config import write_config
 
 NUM_SKILLS = 4
 SHORT = ("chain.gate=false", "chain.steps_per_turn=512", "chain.trial_every=100")
@@ -125,6 +126,22 @@ def test_a_floor_that_the_skills_were_not_fitted_with_is_refused(point_chain, tm
     ):
         point_chain("tstar", "scale=laptop")
     point_chain("tstar", "scale=laptop", "normalizer.floor=0.05", "chain.rounds=1")
+
+
+@pytest.mark.parametrize("recipe", ["tstar", "floored", "refitted", "recover"])
+def test_skills_of_another_size_or_world_are_refused(point_chain, tmp_path, recipe):
+    """They say what they are themselves; the world that they were trained in is in the config of their results."""
+    with pytest.raises(
+        CheckpointMismatchError, match="skill 0 of gail_ppo: chain.capacity was 4096 .* is 7 now"
+    ):
+        point_chain(recipe, "scale=laptop", "chain.capacity=7")
+    results = tmp_path / "results/table_lack/gail_ppo/seed0/subtask1"
+    write_config(results, {"env": {"reset_robot": False, "velocity_scale": 0.4, "gripper": "sign"}})
+    told = "skill trained in another world: env.preassembled was 'ideal' .* 'jitter' now; env.reset_robot was False"
+    with pytest.raises(CheckpointMismatchError, match=f"gail_ppo/seed0/subtask1 is of a {told}"):
+        point_chain(recipe, "scale=laptop")
+    if recipe == "floored":
+        point_chain(recipe, "scale=laptop", "demonstrations.may_differ=[preassembled,reset_robot]")
 
 
 def test_a_chain_is_refitted_to_its_own_states(point_chain, tmp_path):

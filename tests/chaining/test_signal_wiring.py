@@ -26,6 +26,17 @@ def test_a_proximity_that_has_not_learned_is_not_paid(point_chain):
     assert not {"reward_proximity", "proximity_loss"} & set(none)
 
 
+def test_an_f_that_has_not_learned_is_not_paid_nor_judged(point_chain):
+    """Without a run of the chain before the first turn, F learns in the turns of the next skill and their trials."""
+    table = point_chain(
+        "feasibility", "chain.gate=false", "chain.links=2", "chain.rounds=2", "chain.seed_episodes=0"
+    )
+    first, second = (table[(table.skill == 0) & (table["round"] == round_)] for round_ in range(2))
+    paid = ["reward_tsr", "feasibility_loss", "feasibility_auc"]
+    assert first[paid].isna().all(None) and second["reward_tsr"].notna().all()
+    assert second["feasibility_brier"].notna().any()
+
+
 def test_f_learns_the_share_that_the_config_asks_for(point_chain, monkeypatch):
     """The label of a chain whose third skill never succeeds: 1 or 0 for success, 1/2 or 0 for the share."""
     asked = {}

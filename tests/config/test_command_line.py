@@ -12,8 +12,8 @@ from recipe_runs import command, environ
 
 from tstar_rl import checks
 from tstar_rl.chaining.skill import NetworkSettings, Skill
-from tstar_rl.checks import UserError
-from tstar_rl.config.command_line import FULL_ERROR, HINT, STOPPED
+from tstar_rl.checks import NothingToDo, UserError
+from tstar_rl.config.command_line import FULL_ERROR, HINT, STOPPED, told_in_words
 from tstar_rl.config.load import recipe
 from tstar_rl.runs.run_folder import run_path
 
@@ -27,6 +27,12 @@ def test_a_checkpoint_that_belongs_elsewhere_or_is_damaged_is_told_in_words(say)
     (place / "manifest.json").unlink()
     assert re.search("last is damaged: manifest.json is missing", say("evaluate", f"path={place}"))
     assert re.search("subtask0/last is damaged: manifest.json is missing", say("tstar"))
+
+
+def test_work_that_is_done_is_told_and_is_no_failure(capsys):
+    with pytest.raises(SystemExit) as ended, told_in_words():
+        raise NothingToDo("seed0 has finished")
+    assert ended.value.code == 0 and capsys.readouterr().out == "seed0 has finished\n"
 
 
 def test_a_missing_extra_is_told_in_words(say, monkeypatch):

@@ -9,7 +9,7 @@ from hydra import compose, initialize_config_dir
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.values import CONFIGS, plain
 from tstar_rl.launch import steps
-from tstar_rl.launch.steps import check_chain, is_done, missing, step_config
+from tstar_rl.launch.steps import begun_with, check_chain, is_done, missing, step_config
 from tstar_rl.runs.mismatch import CheckpointMismatchError
 from tstar_rl.runs.run_config import note_evaluation, write_config
 
@@ -74,6 +74,17 @@ def test_a_chain_is_asked_in_the_world_that_it_was_trained_in(tmp_path):
     check_chain(config["laptop"], "policy_sequencing")  # of which nothing is there
     with pytest.raises(CheckpointMismatchError, match="results of something else: .*env.reset_robot"):
         check_chain(config["laptop"], "tstar")
+
+
+def test_a_chain_began_with_the_skills_that_its_training_noted(tmp_path):
+    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
+        config = compose("recipe/exchanged", [f"results_dir={tmp_path}", "skills=gail_ppo"])
+    trained, untrained = tmp_path / "table_lack/in_order/seed0", tmp_path / "table_lack/no_finetuning/seed0"
+    noted = plain(config) | {"skills": "bc", "from_checkpoint": "best"}
+    write_config(trained, noted)
+    write_config(untrained, noted | {"evaluation_only": True})
+    assert begun_with(trained, config) == ("bc", "best")
+    assert begun_with(untrained, config) == begun_with(tmp_path, config) == ("gail_ppo", "last")
 
 
 def test_a_training_whose_results_are_gone_is_not_done(shared):

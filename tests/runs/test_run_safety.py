@@ -10,6 +10,7 @@ import pytest
 import torch
 from saved_run import a_run, a_run_that_saved, contents
 
+from tstar_rl.checks import NothingToDo
 from tstar_rl.runs import checkpoint, lock, versions
 from tstar_rl.runs.csv_tables import LogError
 from tstar_rl.runs.lock import RunInUseError
@@ -120,6 +121,20 @@ def test_another_config_stops_a_run_that_resumes_and_leaves_it_finished(tmp_path
     with pytest.raises(CheckpointMismatchError, match="size was None.*resume=false starts over"):
         a_run(tmp_path, size=3).start(module=torch.nn.Linear(1, 1))
     assert contents(tmp_path) == before
+
+
+def test_a_run_that_has_finished_begins_anew_only_if_it_is_told_to(tmp_path):
+    run = a_run(tmp_path)
+    run.start(module=torch.nn.Linear(1, 1))
+    (run.work / "last").mkdir()
+    (run.results / "evaluation.csv").write_text("progress\n1\n")
+    run.finish()
+    before = contents(tmp_path)
+    with pytest.raises(NothingToDo, match=r"seed0 has finished: nothing to do \(resume=false starts over\)"):
+        a_run(tmp_path).start(module=torch.nn.Linear(1, 1))
+    assert contents(tmp_path) == before
+    a_run(tmp_path, resume=False).start(module=torch.nn.Linear(1, 1))
+    assert not (run.work / "last").exists() and not (run.results / "evaluation.csv").exists()
 
 
 def test_an_evaluation_is_of_the_steps_that_a_run_was_given(tmp_path):

@@ -132,9 +132,9 @@ class TurnUpdates(Training):
     def chained(self, rollout: TensorDictBase) -> TensorDictBase:
         """The rows of a rollout whose terminal states join beta_i, as chain.kept_states says.
 
-        "all" (Algorithm 1): all rows. "chained": those of episodes that began where the skill before ended; of the
-        first skill, all. The released code has a list for starts, which takes those, and one for D_omega, which takes
-        all; beta_i is both.
+        "all" (Algorithm 1): all rows. "chained": those of episodes that began in a chained start, a state in which the
+        skill before ended or a draw of the Gaussian of such states; of the first skill, all. The released code has a
+        list for starts, which takes those, and one for D_omega, which takes all; beta_i is both.
         """
         if self.index == 0 or self.chain.settings.kept_states == "all":
             return rollout
@@ -218,7 +218,8 @@ class TurnUpdates(Training):
 
         Args:
             rollout: (N, T).
-            later: what is said of the rest of the chain where the skill succeeded; None after the last skill.
+            later: what is said of the rest of the chain where the skill succeeded; None after the last skill, and while
+                nothing has been learned of it: the rest counts as not done.
         """
         return outcomes_of(self.chained(rollout), len(self.chain.skills) - self.index, later)
 

@@ -26,7 +26,7 @@ from omegaconf import DictConfig, OmegaConf, open_dict
 from omegaconf.errors import OmegaConfBaseException
 from tqdm import tqdm
 
-from tstar_rl.checks import UserError, did_you_mean
+from tstar_rl.checks import NothingToDo, UserError, did_you_mean
 
 __all__ = ["command_line", "of_the_disk", "told_in_words"]
 
@@ -107,13 +107,17 @@ def command_line(body: Body, configs: Path, name: str, check: Check) -> Callable
 
 @contextmanager
 def told_in_words() -> Iterator[None]:
-    """Ends the process with the message of a user's mistake or of a disk that takes no more.
+    """Ends the process with the message of a user's mistake, of a disk that takes no more or of work that is done.
 
     Raises:
-        SystemExit: with that message; Python writes it to stderr and exits with code 1.
+        SystemExit: with that message; Python writes it to stderr and exits with code 1. With 0 where nothing is to do.
     """
     try:
         yield
+    except NothingToDo as told:
+        _clear_bars()
+        print(told)
+        raise SystemExit(0) from None
     except UserError as error:
         _clear_bars()
         raise SystemExit(f"{error}\n{HINT}") from None

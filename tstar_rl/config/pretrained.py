@@ -13,7 +13,7 @@ from tstar_rl.shipped.chain import ShippedChain, load_shipped
 
 __all__ = ["chain_env", "take_pretrained"]
 
-ITS_OWN = ("task", "scale", "env", "system", "subtask", "path", "checkpoints")
+ITS_OWN = ("task", "scale", "env", "system", "subtask", "path", "checkpoints", "chain.links")
 """Values that a shipped chain brings with it; single settings of the task (env.noise=...) may be given."""
 
 

@@ -139,6 +139,11 @@ def check_ranges_of(values: Mapping[str, Any]) -> None:
         raise ConfigError(
             f"chain.order=costliest needs a trial after every turn: chain.gate=true or chain.trial_every=1, got {every}"
         )
+    simulations, workers = find(values, "training.num_envs"), find(values, "collection.workers")
+    if find(values, "collection.backend") == "ray" and simulations and simulations % workers:
+        raise ConfigError(
+            f"training.num_envs must be a multiple of collection.workers, got {simulations} simulations for {workers}"
+        )
     capacity, first = find(values, "spirl.capacity"), find(values, "spirl.policy.first")
     if capacity is not None and first is not None and capacity < first:
         raise ConfigError(

@@ -6,7 +6,7 @@ from torchrl.envs import TransformedEnv
 from tstar_rl.chaining.chain import load_chain
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.config.build import environment
-from tstar_rl.config.chain import check_links, load_skills
+from tstar_rl.config.chain import check_links, skills_as_they_are
 from tstar_rl.config.recovery import refuse_recovery
 from tstar_rl.rollouts.state_sets import TerminationSet
 from tstar_rl.runs.run_folder import is_untrained, run_path
@@ -22,7 +22,7 @@ def chain_of(config: DictConfig, system: str) -> list[Skill]:
         InvalidValueError: if it is a chain with recovery.
     """
     if is_untrained(system):
-        return load_skills(config, config.checkpoint)
+        return skills_as_they_are(config, config.checkpoint)
     run = run_path(config.runs_dir, config.task.name, system, config.seed)
     refuse_recovery(run / config.checkpoint / "skill0")
     skills = load_chain(run / config.checkpoint, task=config.task.name)

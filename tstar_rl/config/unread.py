@@ -54,6 +54,11 @@ def check_what_is_not_read(values: Mapping[str, Any], name: str) -> None:
     _check_rewards(values, name)
     if name in FINE_TUNING:
         _check_chain(values, name)
+    if name in (*FINE_TUNING, "floored", "recover") and name != "proximity" and values["chain"]["path_steps"]:
+        raise ConfigError(
+            f"chain.path_steps must be 0 for {name}, got {values['chain']['path_steps']}: proximity and refitted alone "
+            "learn from paths"
+        )
 
 
 def _check_demonstrations(made: Mapping[str, Any]) -> None:
@@ -93,11 +98,6 @@ def _check_rewards(values: Mapping[str, Any], name: str) -> None:
 
 def _check_chain(values: Mapping[str, Any], name: str) -> None:
     chain, subtasks = values["chain"], values["task"]["subtasks"]
-    if chain["path_steps"] and name != "proximity":
-        raise ConfigError(
-            f"chain.path_steps must be 0 for {name}, got {chain['path_steps']}: of the recipes with turns, "
-            "proximity alone learns from paths"
-        )
     if chain["logged_states"] and chain["logged_skill"] >= max(subtasks, LOGGED + 1):
         raise ConfigError(
             f"chain.logged_skill must be in 0..{subtasks - 1} for {values['task']['name']}, got {chain['logged_skill']}"
@@ -107,8 +107,19 @@ def _check_chain(values: Mapping[str, Any], name: str) -> None:
         raise ConfigError(
             f"hard_starts is a share of the chained starts, and chain.starts has none; got {values['hard_starts']}"
         )
+    if values.get("hard_starts") and values["collection"]["backend"] == "ray":
+        raise ConfigError(
+            "hard_starts needs collection.backend=local, got ray: workers of a cluster draw starts from copies of a set"
+        )
     if values.get("demonstrated_ends") and values["skills"].partition("_")[0] != "bc":
         raise ConfigError(
             f"skills must be clones, bc or bc_<...>, got {values['skills']}: what demonstrated_ends makes anew is "
             "cloned over a skill, and the normaliser of its networks is fitted again; or set demonstrated_ends=0"
+        )
+    again = {"gate": chain["gate"], "rounds": chain["rounds"] > 1, "order": chain["order"] == "costliest"}
+    if values.get("demonstrated_ends") and any(again.values()):
+        said = ", ".join(f"chain.{key}={chain[key]}" for key in again if again[key])
+        raise ConfigError(
+            "what demonstrated_ends makes anew is cloned in the one turn of a skill, and stays: chain.gate must be "
+            f"false, chain.rounds 1 and chain.order not costliest, got {said}; or set demonstrated_ends=0"
         )

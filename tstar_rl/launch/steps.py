@@ -185,6 +185,18 @@ def check_chain(config: DictConfig, system: str) -> None:
     check_evaluation(folder, plain(config))
 
 
+def begun_with(results: Path, config: DictConfig) -> tuple[str, str]:
+    """The system whose skills a chain began with, and their checkpoint: as its training noted in `results`.
+
+    Without fine-tuning, or where nothing is noted, they are those that are asked for.
+    """
+    found = {"skills": config.skills, "from_checkpoint": config.get("from_checkpoint", "last")}
+    noted = read_config(results)
+    if not noted.get("evaluation_only"):
+        found |= {name: noted[name] for name in found if name in noted}
+    return found["skills"], found["from_checkpoint"]
+
+
 def _is_evaluated(config: DictConfig) -> bool:
     """Whether a table that is there is complete, and not older than the end of any run that it is of."""
     results, runs = run_folder(config, "results_dir"), evaluated_runs(config)

@@ -16,6 +16,7 @@ from torch import Tensor
 from torchrl.checkpoint import GlobalRNGState
 from tqdm import tqdm
 
+from tstar_rl.checks import NothingToDo
 from tstar_rl.runs import checkpoint, lock
 from tstar_rl.runs.csv_tables import LogError, MetricsLog
 from tstar_rl.runs.files import put_back, replacing
@@ -91,9 +92,11 @@ class Run:
     def start(self, **components: Any) -> int:
         """Names what a checkpoint holds, resumes from one if there is one, and returns the steps done so far.
 
-        A run that begins anew deletes what one before it has left under its name: checkpoints and evaluations.
+        A run that begins anew deletes what one before it has left under its name: checkpoints and evaluations. One that
+        has finished with the same config begins anew with resume=false alone.
 
         Raises:
+            NothingToDo: if it has finished, and has no checkpoint to go on from.
             CheckpointMismatchError: when resuming a run that had another config, or where one of another has finished.
             DamagedCheckpointError: if the newest checkpoint is not as it was written. Nothing is touched then.
             LogError: if a table of the run has lost rows.
@@ -106,6 +109,8 @@ class Run:
         if found is None:
             if self.config["resume"] and finished.is_file():
                 self._check_same()
+                if (self.work / "last").is_dir():
+                    raise NothingToDo(f"{self.work} has finished: nothing to do (resume=false starts over)")
             finished.unlink(missing_ok=True)  # first: what is half deleted is not done
             for name in ("checkpoints", *SAVED):
                 shutil.rmtree(self.work / name, ignore_errors=True)

@@ -22,11 +22,11 @@ def steps_of_arms(rows: pd.DataFrame, metrics: pd.DataFrame) -> pd.Series:
 
     Args:
         rows: see `experiments.arm_table`, with a column env_steps.
-        metrics: of `read_metrics`; an arm without trials in it has none.
+        metrics: of `read_metrics`; an arm without trials in it has none, and costs none.
     """
     trials = steps_of_trials(metrics, rows["task"].iloc[0])
     learned = rows.groupby("arm", sort=False)["env_steps"].mean()
-    return learned.add(trials.reindex(learned.index, fill_value=0))
+    return learned.add(trials.reindex(learned.index).fillna(0))
 
 
 def cost_figure(rows: pd.DataFrame, metrics: pd.DataFrame, labels: Mapping[str, str] | None = None) -> Figure:
