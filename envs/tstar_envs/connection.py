@@ -1,4 +1,4 @@
-"""When two connectors are aligned, which connections are wrong, and how a weld is made.
+"""When two connectors are aligned, and which connections are wrong.
 
 Source: docs/task.md, "Connection".
 """

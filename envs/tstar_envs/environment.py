@@ -132,25 +132,31 @@ class BatchedEnvironment:
         failures = self.task.starts.failures
         mask = self._read(mask)
         self._begun.remove(mask)
-        self.task.initialize_episode(self.state, mask)
-        self.failures += self.task.starts.failures - failures
+        try:
+            self.task.initialize_episode(self.state, mask)
+        finally:  # also those of a start that never settled
+            self.failures += self.task.starts.failures - failures
         self._begun.add(mask)
 
     @torch.inference_mode()
-    def reset_to(self, snapshot: TensorDict, mask: Tensor | None = None) -> None:
-        """Starts new episodes from snapshots, at the beginning of the subtask that each is at.
+    def reset_to(
+        self, snapshot: TensorDict, mask: Tensor | None = None, goes_on: Tensor | None = None
+    ) -> None:
+        """Starts new episodes at the beginning of each snapshot's subtask; where `goes_on` (N,), its own goes on.
 
         Raises:
             ValueError: a snapshot is not one of these simulations, is at another subtask than the environment's, has
-                nothing left to assemble, or was taken before a first reset or of a simulation that was given up; `mask`
-                is of another shape or type.
+                nothing left to assemble, was taken before a first reset or of a simulation that was given up, or one in
+                `goes_on` is refused by `restore`; a mask is of another shape or type. Nothing has changed then.
         """
         mask = self._read(mask)
+        begins = mask if goes_on is None else mask & ~self._read(goes_on)
         snapshot = self._checked(snapshot, mask)
-        self._check.begins(snapshot, mask, self.subtask)
+        self._check.begins(snapshot, begins, self.subtask)
+        self._check.goes_on(snapshot, mask & ~begins, self.subtask)
         self._put(snapshot, mask)
-        self.task.begin_subtask(self.state, mask)
-        self.task.begin_episode(self.state, mask)
+        self.task.begin_subtask(self.state, begins)
+        self.task.begin_episode(self.state, begins)
 
     @torch.inference_mode()
     def step(self, action: Tensor, running: Tensor | None = None) -> None:
@@ -170,7 +176,7 @@ class BatchedEnvironment:
             action = self.before_step(action)
             return self.after_step(action, self.physics.step(SUBSTEPS))
         self._begun.check(running := read_mask(self.name, running, self.num_sims))
-        if action.shape == (self.num_sims, NUM_ACTIONS):
+        if isinstance(action, Tensor) and action.shape == (self.num_sims, NUM_ACTIONS):
             action = torch.where(running.unsqueeze(-1), action, 0.0)  # 0 does not ask to connect
         state, controls = dict(self.state), self.physics.ctrl.clone()
         action = self.before_step(action)

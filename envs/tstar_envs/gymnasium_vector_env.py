@@ -85,6 +85,7 @@ class GymnasiumVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         options = read_options(self.world, options, ("snapshot", "reset_mask"))
         mask = self._read_mask(options.get("reset_mask"))
         super().reset(seed=seed)
+        self._ended, self._begun = self._ended | mask, self._begun & ~mask  # while no episode can begin
         begin(self.world, seed, options.get("snapshot"), mask)
         self._ended, self._begun = self._ended & ~mask, self._begun | mask
         return self._observe(), self._infos(mask)

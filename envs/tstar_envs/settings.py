@@ -19,8 +19,9 @@ MOST = {
     "jitter_degrees": 45.0,
 }
 """The largest value of a setting of the start."""
-MOST_STEPS = {"settle_steps": 100_000, "retreat_steps": 10_000}
-"""Of settings that count steps; beyond that a number is a slip, and an episode takes minutes to begin or to go on."""
+MOST_STEPS = {"settle_steps": 100_000, "retreat_steps": 10_000, "max_steps": 1_000_000}
+"""Of settings that count steps; beyond that a number is a slip, and an episode takes minutes to begin or to go on,
+or hardly ends."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -71,7 +72,7 @@ class TaskSettings:
         for field in dataclasses.fields(self):
             value, kind = getattr(self, field.name), type(field.default)
             _check_type(field.name, value, kind)
-            if not isinstance(value, (int, float, str)):
+            if type(value) not in _TYPES:
                 object.__setattr__(self, field.name, kind(value))
         _check_choice("gripper", self.gripper, ("sign", "continuous"))
         _check_choice("preassembled", self.preassembled, ("ideal", "jitter"))
@@ -83,7 +84,7 @@ class TaskSettings:
                 raise ValueError(f"setting {name} must not be negative, got {short(value)}")
         for name, most in (MOST | MOST_STEPS).items():
             if (value := getattr(self, name)) > most:
-                raise ValueError(f"setting {name} must be from 0 to {most:g}, got {short(value)}")
+                raise ValueError(f"setting {name} must be from 0 to {most:.7g}, got {short(value)}")
         if self.retreat_steps and self.reset_robot:
             raise ValueError(
                 f"setting retreat_steps={self.retreat_steps} needs reset_robot=false: the arm is put home otherwise"

@@ -172,7 +172,7 @@ class SnapshotCheck:
     def goes_on(self, snapshot: TensorDictBase, mask: Tensor, subtask: int | None) -> None:
         """Checks that episodes of `subtask` (None: the whole task) come to the states in the rows of `mask` (N,).
 
-        Episodes of one subtask are at the next one once they have succeeded.
+        Episodes of one subtask are past it by what they completed, if they are stepped on after their success.
 
         Raises:
             ValueError: one is at another subtask. What was given up, or had not begun, waits for its reset anywhere.
@@ -180,7 +180,7 @@ class SnapshotCheck:
         if subtask is None:
             return
         task, found = snapshot["task"], snapshot["task", "subtask"]
-        there = (found == subtask) | (task["success"] & (found == subtask + 1))
+        there = (found == subtask) | (found == subtask + task["completed"])
         wrong = mask & self.begun(snapshot) & ~task["failed"] & ~there
         if bool(wrong.any()):
             raise ValueError(

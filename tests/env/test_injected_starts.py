@@ -5,6 +5,9 @@ import torch
 from table_envs import make, still, until_success
 from tensordict import TensorDict
 
+from tstar_rl.rollouts.collection import with_starts
+from tstar_rl.rollouts.state_sets import TerminationSet
+
 
 def test_a_success_row_is_a_start_of_the_next_subtask():
     env = make(4, snapshots=True)
@@ -87,6 +90,33 @@ def test_an_injected_start_of_another_subtask_changes_nothing():
         ):
             env.reset(TensorDict({"start": start}, [3]))
         assert torch.equal(env.world.observation().float(), before)
+
+
+def test_of_a_refused_batch_no_row_starts():
+    """Neither the row that begins, nor the ones whose episodes go on."""
+    env, other = make(), make(subtask=1)
+    for each in (env, other):
+        each.reset()
+    snapshot = torch.cat([env.snapshot()[:2], other.snapshot()[2:]])
+    env.step(still(env))
+    before = env.snapshot()
+    every, goes_on = torch.ones(3, 1).bool(), torch.tensor([[False], [True], [True]])
+    start = {"snapshot": snapshot, "use": every, "goes_on": goes_on}
+    with pytest.raises(ValueError, match="never come to where the snapshot in simulation 2 is, at subtask 1"):
+        env.reset(TensorDict({"start": start}, [3]))
+    assert all(torch.equal(value, before[key]) for key, value in env.snapshot().items(True, True))
+
+
+def test_through_transforms_only_skill_chain_reset_injects_a_start():
+    env = make(subtask=1, snapshots=True)
+    taken = env.reset().select("observation", "snapshot")[:1]
+    injected = {"snapshot": taken["snapshot"][[0] * 3], "use": torch.ones(3, 1).bool()}
+    given = with_starts(make(subtask=1, seed=5)).reset(TensorDict({"start": injected}, [3]))
+    assert not (given["observation"] == taken["observation"]).all(-1).any()
+    states = TerminationSet(1)
+    states.extend(taken)
+    chained = with_starts(make(subtask=1, seed=5), states, probability=1.0).reset()
+    assert (chained["observation"] == taken["observation"]).all()
 
 
 @pytest.mark.parametrize(

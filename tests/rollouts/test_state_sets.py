@@ -113,6 +113,28 @@ def test_a_loaded_set_goes_on_like_the_first(rollout):
     assert_close(first.sample(9, seeded()), second.sample(9, seeded()))
 
 
+@pytest.mark.parametrize("capacity", [3, 5])
+def test_a_ring_of_another_capacity_goes_on_from_its_oldest_state(capacity):
+    ring, loaded = StateSet(3), StateSet(capacity)
+    for value in range(5):
+        ring.extend(rows(value))  # the slots hold 3, 4, 2
+    loaded.load_state_dict(ring.state_dict())
+    seen = []
+    for value in range(10, 14):
+        loaded.extend(rows(value))
+        seen.append(sorted(loaded.observations().flatten().tolist()))
+    newest = [2, 3, 4, 10, 11, 12, 13]
+    assert seen == [newest[:end][-capacity:] for end in range(4, 8)]
+
+
+def test_a_set_that_a_larger_one_was_loaded_into_keeps_the_newest():
+    large, loaded = StateSet(5), StateSet(3)
+    large.extend(rows(1, 2, 3))
+    loaded.load_state_dict(large.state_dict())
+    loaded.extend(rows(4))
+    assert sorted(loaded.observations().flatten().tolist()) == [2, 3, 4]
+
+
 def test_an_empty_set_survives_loading():
     states = StateSet(5)
     states.extend(rows(1))

@@ -4,12 +4,14 @@ import gymnasium
 import numpy as np
 import pytest
 import torch
+from gymnasium.vector import AutoresetMode
 
 import tstar_envs
 from tstar_envs.environment import BatchedEnvironment
 from tstar_envs.furniture import FurnitureError, library
 from tstar_envs.gymnasium_env import GymnasiumEnv
-from tstar_envs.tasks.episode_start import StartError
+from tstar_envs.gymnasium_vector_env import GymnasiumVectorEnv
+from tstar_envs.tasks.episode_start import TRIES, StartError
 
 REST = torch.zeros(2, 9)
 
@@ -46,11 +48,26 @@ def test_where_a_reset_fails_there_is_no_episode_to_step(monkeypatch):
     with monkeypatch.context() as patch, pytest.raises(StartError):
         unsettled(world, patch)
         world.reset(torch.tensor([False, True]))
+    assert world.failures == TRIES
     world.step(REST, torch.tensor([True, False]))
     with pytest.raises(ValueError, match="begun in simulation 1"):
         world.step(REST)
     world.reset(torch.tensor([False, True]))
     world.step(REST)
+
+
+@pytest.mark.parametrize("mode", list(AutoresetMode))
+def test_nor_is_there_one_in_the_vector(mode, monkeypatch):
+    envs = GymnasiumVectorEnv("table_lack", 2, 0, autoreset_mode=mode)
+    envs.reset(seed=0)
+    second = {"reset_mask": np.array([False, True])}
+    with monkeypatch.context() as patch, pytest.raises(StartError):
+        unsettled(envs.world, patch)
+        envs.reset(options=second)
+    with pytest.raises(gymnasium.error.ResetNeeded, match=r"in simulations \[1\]"):
+        envs.step(REST.numpy())
+    envs.reset(options=second)
+    envs.step(REST.numpy())
 
 
 def test_nor_is_there_one_in_the_single_environments(monkeypatch):
@@ -73,8 +90,9 @@ def test_nor_is_there_one_in_the_single_environments(monkeypatch):
 def test_an_action_is_a_tensor_of_real_numbers(action):
     world = tstar_envs.load("table_lack", 2, 0, 1, 0)
     world.reset()
-    with pytest.raises(ValueError, match="an action of table_lack is a tensor of real numbers, got "):
-        world.step(action)
+    for running in (None, torch.tensor([True, False])):
+        with pytest.raises(ValueError, match="an action of table_lack is a tensor of real numbers, got "):
+            world.step(action, running)
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import torch
 from worlds import make
 
 from tstar_envs.checks import finite_number, whole_number
-from tstar_envs.settings import MOST, TaskSettings
+from tstar_envs.settings import MOST, MOST_STEPS, TaskSettings
 from tstar_envs.snapshot_check import APART
 
 
@@ -38,6 +38,7 @@ from tstar_envs.snapshot_check import APART
             {"retreat_steps": 10**6, "reset_robot": False},
             "setting retreat_steps must be from 0 to 10000, got 1000000",
         ),
+        ({"max_steps": 10**19}, "setting max_steps must be from 0 to 1000000, got 10000000000000000000"),
         (["max_steps"], r"settings are a mapping of names to values, got \['max_steps'\]"),
         ({1: 2}, "unknown task setting 1; valid settings: velocity_scale"),
         ({"preassembled": "jiter"}, "setting preassembled must be one of ideal, jitter; got 'jiter'"),
@@ -56,6 +57,14 @@ def test_numbers_of_numpy_become_plain_ones():
     settings = TaskSettings(velocity_scale=np.float32(0.5), max_steps=np.int64(5))
     assert json.loads(json.dumps(dataclasses.asdict(settings)))["velocity_scale"] == 0.5
     assert settings == TaskSettings(velocity_scale=0.5, max_steps=5) and type(settings.max_steps) is int
+    subclasses = TaskSettings(velocity_scale=np.float64(0.5), gripper=np.str_("sign"))
+    assert type(subclasses.velocity_scale) is float and type(subclasses.gripper) is str
+
+
+def test_the_longest_episode_can_be_stepped():
+    world = make(1, max_steps=MOST_STEPS["max_steps"])
+    world.step(torch.zeros(1, 9))
+    assert not world.task.get_termination(world.state)[1]
 
 
 @pytest.mark.parametrize("digits, said", [(400, "1000"), (5000, "a very long number")])

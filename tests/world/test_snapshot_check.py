@@ -157,5 +157,17 @@ def test_a_subtask_that_episodes_never_come_to_is_refused():
     assert torch.equal(first.snapshot()["physics"], before["physics"])
     whole.restore(third.snapshot())
     ended = make(2, 1).snapshot()
-    ended["task", "success"] = torch.tensor([True, True])
+    ended["task", "completed"] = torch.tensor([1, 1])
     first.restore(ended)  # where an episode of subtask 0 has succeeded
+
+
+def test_ones_own_is_taken_where_an_episode_was_stepped_on_after_its_success():
+    world = make(2, 0)
+    expert = world.expert()
+    while not bool(world.state["success"].any()):
+        world.step(expert.act(world.state))
+    world.step(torch.zeros(2, 9))
+    assert (world.state["subtask"].eq(1) & ~world.state["success"]).any()
+    snapshot = world.snapshot()
+    world.restore(snapshot)
+    assert torch.equal(world.state["subtask"], snapshot["task", "subtask"])

@@ -29,6 +29,8 @@ class FurnitureEnv(EnvBase):
 
     `reset` accepts injected starts: `("start", "snapshot")`, batch [N], and `("start", "use")` (N, 1) bool. A new
     episode begins there, at the beginning of a subtask; with `("start", "goes_on")` (N, 1) the snapshot's own goes on.
+    This holds for the bare environment: TorchRL's `TransformedEnv` drops such entries of its caller, so through
+    transforms `SkillChainReset` is the way.
     `step` accepts TorchRL's `_step` (N,) bool: simulations left out of it stay as they are and are paid 0.
 
     Args:
@@ -174,11 +176,9 @@ class FurnitureEnv(EnvBase):
         if tensordict is not None and "start" in tensordict:
             start = cast(TensorDictBase, tensordict["start"])
             use, within = self._which(start)
-            injected, within = mask & use, mask & use & within
-            if bool((injected & ~within).any()):  # first what may be refused
-                self.world.reset_to(start["snapshot"], injected & ~within)
-            if bool(within.any()):
-                self.world.restore(start["snapshot"], within)
+            injected = mask & use
+            if bool(injected.any()):  # first what may be refused
+                self.world.reset_to(start["snapshot"], injected, within)
         if bool((mask & ~injected).any()):
             self.world.reset(mask & ~injected)
         running = torch.zeros(self.num_envs, 1, dtype=torch.bool, device=self.device)

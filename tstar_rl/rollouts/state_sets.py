@@ -97,19 +97,23 @@ class StateSet:
         }
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """What `state_dict` gave.
+        """What `state_dict` gave, also of a set of another capacity: a smaller one's states are taken oldest first.
 
         Raises:
             ValueError: if there are more rows than this set's capacity.
         """
-        count = int(state["count"])
+        count, cursor = int(state["count"]), int(state["writer"]["_cursor"])
         if count > self.capacity:
             raise ValueError(f"the saved set has {count} states, but this one's capacity is {self.capacity}")
         self.clear()
+        full = count == self.capacity
         if count:
+            rows = TensorDict(state["rows"], batch_size=[count], device=self.device)
+            oldest_first = torch.arange(count).roll(-cursor)
             with _without_notes():
-                self.buffer.extend(TensorDict(state["rows"], batch_size=[count], device=self.device))
-        self.buffer.writer.load_state_dict(dict(state["writer"]))
+                self.buffer.extend(rows if full else rows[oldest_first])
+        if full:  # every row is in its slot, and the ring goes on where it stood
+            self.buffer.writer.load_state_dict(dict(state["writer"]))
 
 
 def _dotted(key: Any) -> str:

@@ -42,12 +42,13 @@ def check_lengths(where: str, values: Sequence[float]) -> None:
 
 
 def check_sizes(where: str, values: Sequence[float]) -> None:
-    """Half-sizes or a radius in m, between `MIN_SIZE` and `MAX_LENGTH`."""
+    """Half-sizes or a radius in m, between `MIN_SIZE` and half of `MAX_LENGTH`."""
+    most = MAX_LENGTH / 2
     for value in values:
         check_number(where, value)
-    if min(values) < MIN_SIZE or max(values) > MAX_LENGTH:
+    if min(values) < MIN_SIZE or max(values) > most:
         got = list(values) if len(values) > 1 else values[0]
-        raise FurnitureError(f"{where}: got {got}, expected sizes in m from {MIN_SIZE:g} to {MAX_LENGTH:g}")
+        raise FurnitureError(f"{where}: got {got}, expected half-sizes in m from {MIN_SIZE:g} to {most:g}")
 
 
 def check_unit(where: str, values: Sequence[float], size: int = 3) -> None:

@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 
 ON_FLOOR = 4
-"""Contacts of a box that lies on the floor."""
+"""Contacts of a box or a cylinder that lies on the floor; a capsule has two."""
 BOX_TO_BOX = 8
 """Contacts that two boxes can make."""
 ROWS_PER_CONTACT = 4
@@ -42,18 +42,24 @@ def warp_model(model: mujoco.MjModel) -> mujoco.MjModel:
 
 
 def room(model: mujoco.MjModel) -> Room:
-    """How many contacts and constraint rows a simulation of `model` is given.
+    """How many contacts, constraint rows and convex pairs a simulation of `model` is given.
 
-    Every box lies on the floor, and as many pairs of boxes touch in full as there are welds and fingers' pads. That is
-    about three times what the scripted assembler needs. Every row costs a GPU threads in every kernel of the solver.
+    Every box and whatever else meets the floor lies on it, and as many pairs of boxes touch in full as there are welds
+    and fingers' pads. That is about three times what the scripted assembler needs. Every row costs a GPU threads in
+    every kernel of the solver.
+
+    A cylinder meets boxes, cylinders and capsules in the convex collider. A pair takes its place there once it touches,
+    so no more of them are counted than there are contacts, and Warp takes no more.
     """
-    kind, geom = model.geom_type, mujoco.mjtGeom
-    boxes = int((kind == geom.mjGEOM_BOX).sum())
+    kind, shape = model.geom_type, mujoco.mjtGeom
+    box, cylinder = kind == shape.mjGEOM_BOX, kind == shape.mjGEOM_CYLINDER
+    meets = (model.geom_contype[:, None] & model.geom_conaffinity) != 0
+    meets = (meets | meets.T) & (model.geom_bodyid[:, None] != model.geom_bodyid)
+    lying = int((box | meets[kind == shape.mjGEOM_PLANE].any(0)).sum())
     pads = int((model.geom_condim == ROWS_PER_CONTACT).sum())
-    contacts = ON_FLOOR * boxes + BOX_TO_BOX * (model.neq + pads)
+    contacts = ON_FLOOR * lying + BOX_TO_BOX * (model.neq + pads)
     limits = int(np.asarray(model.jnt_limited, dtype=bool).sum())
-    collide = (model.geom_contype[:, None] & model.geom_conaffinity) != 0
-    round_to_box = (kind == geom.mjGEOM_CYLINDER)[:, None] & (kind == geom.mjGEOM_BOX)
-    convex = int((round_to_box & (collide | collide.T)).sum())
     rows = ROWS_PER_CONTACT * contacts + ROWS_PER_WELD * model.neq + limits
-    return Room(contacts, rows, 2 * convex)  # a pair counts twice where it makes several contacts
+    convex = cylinder[:, None] & (box | cylinder | (kind == shape.mjGEOM_CAPSULE))
+    pairs = int(np.triu(meets & (convex | convex.T)).sum())
+    return Room(contacts, rows, min(pairs, contacts))

@@ -4,11 +4,14 @@ Kinematics, inertias, joint limits and velocity limits are the manufacturer's. W
 environment, each measured to hold a grasp better or to step faster:
 
 * stiffer velocity servos and a joint armature of 0.05 kg m^2 (the original's gains are sluggish);
-* box finger pads (capsules lose the part at this timestep: 12 to 72% scripted success against 100%) and thin,
-  set-back finger links, so that a grasped part touches pads only;
+* thin, set-back finger links, so that a grasped part touches pads only;
 * collision geometry on the wrist, the hand and the fingers alone: nothing else of the arm comes near the work.
 
-Source: docs/task.md, "Scene"; docs/decisions/0005-physics.md.
+The finger pads are the original's boxes: capsules lose the part at this timestep (12 to 72% scripted success against
+100%). The hand's collision shape departs without a measurement: a cylinder 40 mm long along the approach axis, where
+the original's is 100 mm long along the closing axis.
+
+Source: docs/task.md, "Scene" and "Physics"; docs/decisions/0005-physics.md.
 """
 
 from __future__ import annotations

@@ -25,7 +25,10 @@ class StartError(RuntimeError):
 
 
 class EpisodeStarts:
-    """Writes start states into a batch of simulations, drawing noise from a private generator."""
+    """Writes start states into a batch of simulations, drawing noise from a private generator.
+
+    During an episode, a connection calls two of its methods, too: `weld`, and `home_robot` where the arm is put back.
+    """
 
     def __init__(
         self, tables: RecipeTables, physics: PhysicsView, settings: TaskSettings, generator: torch.Generator

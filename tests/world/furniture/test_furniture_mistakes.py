@@ -94,8 +94,8 @@ def test_unknown_furniture_is_told_the_nearest_name():
             r"parts.side.initial_pose: got \[5.0, 0.0, 0.0\], expected lengths in m, none beyond 2",
         ),
         (
-            lambda d: put(d, "parts", "seat", "boxes", 0, "size", [3, 1, 1]),
-            r"parts.seat.boxes\[0\].size: got \[3.0, 1.0, 1.0\], expected sizes in m from 0.0001 to 2",
+            lambda d: put(d, "parts", "seat", "boxes", 0, "size", [1.5, 1, 1]),
+            r"parts.seat.boxes\[0\].size: got \[1.5, 1.0, 1.0\], expected half-sizes in m from 0.0001 to 1$",
         ),
         (
             lambda d: put(d, "parts", "seat", "density", 1e6),
@@ -103,7 +103,7 @@ def test_unknown_furniture_is_told_the_nearest_name():
         ),
         (
             lambda d: put(d, "parts", "seat", "cylinders", [{"radius": 0, "half_length": 1}]),
-            r"parts.seat.cylinders\[0\].radius: got 0.0, expected sizes in m",
+            r"parts.seat.cylinders\[0\].radius: got 0.0, expected half-sizes in m",
         ),
         (
             lambda d: put(d, "parts", "seat", "capsules", [{"radius": 0.1, "length": 1}]),
