@@ -68,7 +68,7 @@ def test_nothing_is_run_from_no_states(tmp_path):
 
 
 @pytest.mark.parametrize("seeds", [1, 3])
-def test_the_figure_has_a_bar_for_each_way_and_a_dot_for_each_seed(seeds):
+def test_the_figure_has_a_bar_for_each_way_and_a_line_for_each_seed(seeds):
     rows = [
         {
             "system": system,
@@ -89,6 +89,6 @@ def test_the_figure_has_a_bar_for_each_way_and_a_dot_for_each_seed(seeds):
     assert len(figure.axes) == 6
     for axes in figure.axes:
         bars = [patch for patch in axes.patches if patch.get_height() == 0.5]
-        dots = [line for line in axes.lines if line.get_marker() == "o"]
-        assert len(bars) == 4 and sum(len(line.get_xdata()) for line in dots) == (0 if seeds == 1 else 12)
+        lines = [line for line in axes.lines if line.get_label().startswith("seed ")]
+        assert len(bars) == 4 and [len(line.get_xdata()) for line in lines] == [2] * (0 if seeds == 1 else 6)
     assert "no table yet" in exchanged_figure(pd.DataFrame()).axes[0].texts[0].get_text()

@@ -30,7 +30,8 @@ READING = """\
 ## How to read the tables
 
 Progress is the share of the subtasks that were done; success is the whole task. Evaluation is on fresh deterministic
-episodes, on seeds that nothing was trained or chosen on. In the columns "sampled", actions are drawn from the policy
+episodes, from starts that nothing was trained or chosen on; where settings were tuned on a run's seed, the section says
+so. In the columns "sampled", actions are drawn from the policy
 instead.
 *Last* is the last checkpoint. *Best* is, of a chain, the one that did best on trials of its own after each turn, and of
 a single policy the one with the highest running mean of subtasks completed in training. The paper gives its best
