@@ -68,7 +68,7 @@ def exchanged_figure(table: pd.DataFrame) -> Figure:
             axes.set_xticks([0, 1], [f"second skill\nas {version}" for version in VERSIONS], fontsize=8)
             axes.set_ylim(0, 1.02)
         line[0].set_ylabel("the second skill succeeds")
-    drawn = [axes.get_legend_handles_labels() for axes in grid.flat]
+    drawn = [axes.get_legend_handles_labels() for line in grid for axes in line]
     known = {
         label: handle for handles, labels in drawn for label, handle in zip(labels, handles, strict=True)
     }
