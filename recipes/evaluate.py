@@ -88,7 +88,7 @@ def main(config: DictConfig) -> None:
     print(results / "evaluation.csv")
     for policy in policies.values():
         if isinstance(policy, ShippedChain):
-            print(*(policy.compare(row) for row in rows), sep="\n")
+            print(*(policy.compare(row, plain(config)["env"]) for row in rows), sep="\n")
 
 
 def _step(recorder: Recorder, bar: tqdm, tensordict: TensorDictBase) -> None:

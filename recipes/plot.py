@@ -1,4 +1,4 @@
-"""Learning curves of every run of a task as PNG files beside them, and the table of evaluations on screen.
+"""Learning curves of every system of a task, all seeds in one PNG, and the table of evaluations on screen.
 
 python recipes/plot.py task=table_lack
 """

@@ -115,7 +115,9 @@ def test_chains_are_found_by_name(tmp_path):
 def test_figures_are_compared_with_those_recorded(tmp_path):
     chain = load_shipped(save(tmp_path / "chain", some_skills()))
     row = {"mode": "deterministic", "seed": 3, **FIGURES["deterministic"]}
-    assert chain.compare(row) == "deterministic: the figures recorded"
-    assert chain.compare({**row, "success": 0.5}) == "deterministic: success was 0.25, is 0.5"
+    env = chain.env_settings
+    assert chain.compare(row, env) == "deterministic: the figures recorded"
+    assert chain.compare({**row, "success": 0.5}, env) == "deterministic: success was 0.25, is 0.5"
+    assert "another world" in chain.compare(row, {**env, "part_noise": 0.04})
     for other in ({"seed": 0}, {"episodes": 4}, {"mode": "stochastic"}):
-        assert "other episodes" in chain.compare({**row, **other})
+        assert "other episodes" in chain.compare({**row, **other}, env)

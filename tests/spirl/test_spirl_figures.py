@@ -6,11 +6,13 @@ import sys
 import imageio.v3
 import numpy as np
 import pandas as pd
+import pytest
 import torch
 from spirl_agent import make_agent
 from torch.testing import assert_close
 
 from tstar_rl import FurnitureEnv
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.demonstrations.data_set import Demonstrations
 from tstar_rl.rollouts.collection import with_starts
 from tstar_rl.spirl.figures import draw_latents, evenly_spread_rows, latents_figure, play_latents
@@ -34,6 +36,8 @@ def test_rows_are_of_the_last_demonstration_and_leave_room_for_a_latent():
     expert = Demonstrations.__new__(Demonstrations)
     expert.lengths = torch.tensor([7, 21])
     assert evenly_spread_rows(expert, 3, 10).tolist() == [7, 12, 17]
+    with pytest.raises(InvalidValueError, match="a latent plays 21 steps, and the last demonstration has 21"):
+        evenly_spread_rows(expert, 3, 21)
 
 
 def test_latents_are_played_from_the_demonstrated_state_and_drawn(tmp_path):

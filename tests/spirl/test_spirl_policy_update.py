@@ -26,7 +26,7 @@ class Fixed(nn.Module):
         return self.loc.expand(*obs.shape[:-1], -1), self.scale.expand(*obs.shape[:-1], -1)
 
 
-def make_loss(loc, scale, prior_loc, prior_scale, alpha, target=5.0):
+def make_loss(loc, scale, prior_loc, prior_scale, alpha, target=5.0, critic_loss="smooth_l1"):
     class Constant(nn.Module):
         def __init__(self):
             super().__init__()
@@ -41,6 +41,7 @@ def make_loss(loc, scale, prior_loc, prior_scale, alpha, target=5.0):
         Fixed(prior_loc, prior_scale),
         target,
         alpha,
+        critic_loss,
     )
     loss.make_value_estimator(gamma=0.9)
     return loss
@@ -69,6 +70,12 @@ class TestPriorRegularisedSAC:
         assert_close(out["loss_actor"].detach(), torch.tensor(-1.0))
         assert_close(out["entropy"], torch.tensor(-2.0))
         assert_close(out["loss_alpha"].detach(), torch.log(torch.tensor(0.5)) * 3.0)  # log alpha (5 - 2)
+
+    @pytest.mark.parametrize(("critic_loss", "expected"), [("smooth_l1", 0.505), ("l2", 1.01)])
+    def test_the_critics_loss(self, critic_loss, expected):
+        # Q = 2 is .1 and 1 away from the targets; smooth-L1 is half the square up to 1. Means of two, two critics.
+        loss = make_loss([1.0], [1.0], [3.0], [1.0], alpha=0.5, critic_loss=critic_loss)
+        assert_close(loss(self.batch.clone())["loss_qvalue"].detach(), torch.tensor(expected))
 
     def test_the_actor_is_drawn_to_the_prior(self):
         loss = make_loss([1.0], [1.0], [3.0], [1.0], alpha=0.5)
@@ -149,6 +156,12 @@ class TestLatentPolicyUpdate:
         update(transitions(agent), 5)
         after = (*agent.network.parameters(), *update.parameters["qvalue"])
         assert max((a - b).abs().max() for a, b in zip(before, after, strict=True)) < 1e-4
+        agent, update = self.make(max_grad_norm=None)
+        before = [p.clone() for p in update.parameters["qvalue"]]
+        update(transitions(agent), 5)
+        assert (
+            max((a - b).abs().max() for a, b in zip(before, update.parameters["qvalue"], strict=True)) > 1e-2
+        )
 
     def test_it_goes_on_from_its_state(self):
         agent, update = self.make()

@@ -59,6 +59,7 @@ from tstar_rl.updates import (
         ),
         (LatentPolicySettings, {"tau": 0.0}, r"LatentPolicySettings.tau must be in \(0, 1\], got 0.0"),
         (LatentPolicySettings, {"updates": 0.0}, "LatentPolicySettings.updates must be positive, got 0.0"),
+        (LatentPolicySettings, {"critic_loss": "l1"}, "critic_loss must be one of smooth_l1, l2; got 'l1'"),
         (LatentPolicySettings, {"first": 0}, "LatentPolicySettings.first must be at least 1, got 0"),
         (ModelTrainingSettings, {"held_out": 1.5}, r"held_out must be in \[0, 1\], got 1.5"),
         (ModelTrainingSettings, {"beta": -0.1}, "ModelTrainingSettings.beta must be not negative, got -0.1"),

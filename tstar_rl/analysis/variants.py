@@ -6,7 +6,7 @@ from typing import Any
 
 import yaml
 
-from tstar_rl.checks import InvalidValueError
+from tstar_rl.checks import InvalidValueError, MissingFileError
 from tstar_rl.runs.run_folder import UNTRAINED
 
 __all__ = ["FOLDER", "SKILLS", "Ablation", "Variant", "names", "parse", "read"]
@@ -77,7 +77,15 @@ class Ablation:
 
 
 def names() -> list[str]:
-    """The names of all ablations."""
+    """The names of all ablations.
+
+    Raises:
+        MissingFileError: without a clone, where no file names any.
+    """
+    if not CONFIGS.is_dir():
+        raise MissingFileError(
+            f"ablations need a clone, installed with pip install -e: there is no {CONFIGS}"
+        )
     return sorted(path.stem for path in CONFIGS.glob("*.yaml"))
 
 

@@ -43,12 +43,15 @@ class ShippedChain(ChainPolicy):
         """The settings that it was trained with: `FurnitureEnv(chain.task, 16, **chain.env_settings)`."""
         return dict(self.record["env"])
 
-    def compare(self, row: Mapping[str, Any]) -> str:
+    def compare(self, row: Mapping[str, Any], env: Mapping[str, Any]) -> str:
         """What an evaluation makes of the figures recorded.
 
         Args:
             row: of the table of evaluations.
+            env: settings of the task in which it was made.
         """
+        if dict(env) != self.env_settings:
+            return f"{row['mode']}: another world than that of the figures recorded"
         recorded = self.record["figures"].get(row["mode"], {})
         asked = [row["seed"], row["episodes"]]
         if asked != [self.record["seed"], recorded.get("episodes")]:

@@ -10,6 +10,7 @@ from tensordict import TensorDictBase
 from torch import Tensor
 from torchrl.envs import ExplorationType, TransformedEnv, set_exploration_type
 
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.demonstrations.data_set import Demonstrations
 from tstar_rl.env.layout import GRIP_POSITION
 from tstar_rl.spirl.agent import SpirlAgent
@@ -24,9 +25,17 @@ DEMONSTRATION = -1
 
 
 def evenly_spread_rows(expert: Demonstrations, number: int, horizon: int) -> Tensor:
-    """Rows (number,) of the last demonstration, evenly spread from its start to `horizon` steps before its end."""
+    """Rows (number,) of the last demonstration, evenly spread from its start to `horizon` steps before its end.
+
+    Raises:
+        InvalidValueError: if it is not longer than `horizon`.
+    """
     length, end = int(expert.lengths[-1]), int(expert.lengths.sum())
-    return end - length + torch.linspace(0, max(length - horizon - 1, 0), number).long()
+    if length <= horizon:
+        raise InvalidValueError(
+            f"a latent plays {horizon} steps, and the last demonstration has {length}: spirl.model.horizon must be less"
+        )
+    return end - length + torch.linspace(0, length - horizon - 1, number).long()
 
 
 @torch.no_grad()
@@ -44,7 +53,12 @@ def play_latents(
     Returns:
         Columns state (index in `rows`), latent (0 .. D-1, or -1 for the demonstration), step, and x, y, z in m, world.
         The path of a latent that ends its episode stops there, as the arm is then put back home.
+
+    Raises:
+        InvalidValueError: if the demonstrations have no states that can be restored.
     """
+    if expert.snapshots.is_empty():
+        raise InvalidValueError("the demonstrations have no states, so that nothing can be played from them")
     draws = env.batch_size[0] // len(rows)
     starts, horizon = rows.repeat_interleave(draws), agent.settings.horizon
     policy = LatentPolicy(make_latent_actor(agent.model.prior), agent.model.decoder, horizon)

@@ -11,7 +11,7 @@ from torchrl.envs import ExplorationType, set_exploration_type
 from torchrl.modules import ProbabilisticActor, ValueOperator
 from torchrl.objectives import SACLoss, SoftUpdate
 
-from tstar_rl.checks import check_ranges, check_sizes
+from tstar_rl.checks import InvalidValueError, check_ranges, check_sizes
 from tstar_rl.equations import divergence_dual_loss, gaussian_kl, prior_regularised_value
 from tstar_rl.spirl.agent import SpirlAgent
 from tstar_rl.spirl.model import LatentCritic, make_latent_critic
@@ -24,11 +24,12 @@ TRANSITION = (
     *(("next", key) for key in ("observation", "reward", "done", "terminated")),
 )
 """What the replay buffer keeps of a latent that was played: s, z, s', the summed reward, and how it ended."""
+CRITIC_LOSSES = ("smooth_l1", "l2")
 
 
 @dataclass(frozen=True)
 class LatentPolicySettings:
-    """Source: SPiRL's appendix and the code released with it for the defaults."""
+    """Source: SPiRL's appendix and the code released with it; configs/spirl/paper.yaml has their values."""
 
     critic_hidden: tuple[int, ...] = (256, 256, 256, 256, 256)
     target_divergence: float = 5.0
@@ -47,7 +48,10 @@ class LatentPolicySettings:
     """Latents in the buffer before the first update."""
     critic_warmup: int = 0
     """Number of first minibatches that train the critics alone."""
-    max_grad_norm: float = 10.0
+    critic_loss: str = "smooth_l1"
+    """Of the temporal difference: smooth_l1 or, as in the released code, l2 (decision 0009)."""
+    max_grad_norm: float | None = 10.0
+    """Of the critics', the policy's and alpha's gradients, each; None, as in the released code: they are not clipped."""
 
     def __post_init__(self) -> None:
         check_ranges(
@@ -59,6 +63,10 @@ class LatentPolicySettings:
             positive_share=("tau",),
         )
         check_sizes(self, "critic_hidden")
+        if self.critic_loss not in CRITIC_LOSSES:
+            raise InvalidValueError(
+                f"LatentPolicySettings.critic_loss must be one of {', '.join(CRITIC_LOSSES)}; got {self.critic_loss!r}"
+            )
 
 
 class PriorRegularisedSACLoss(SACLoss):
@@ -73,6 +81,7 @@ class PriorRegularisedSACLoss(SACLoss):
         prior: p, observation (..., O) -> loc, scale (..., Z). It is read, not trained.
         target_divergence: the divergence that alpha is tuned to.
         alpha: at the start.
+        critic_loss: of the temporal difference, see `LatentPolicySettings`.
 
     Raises:
         ValueError: if the target is not positive.
@@ -87,12 +96,14 @@ class PriorRegularisedSACLoss(SACLoss):
         prior: nn.Module,
         target_divergence: float,
         alpha: float = 0.1,
+        critic_loss: str = "smooth_l1",
     ) -> None:
         if not target_divergence > 0:
             raise ValueError(f"target_divergence must be positive, got {target_divergence}")
         super().__init__(
-            actor, critic, alpha_init=alpha, target_entropy=-target_divergence, deactivate_vmap=True
-        )
+            actor, critic, alpha_init=alpha, target_entropy=-target_divergence, deactivate_vmap=True,
+            loss_function=critic_loss,
+        )  # fmt: skip
         self.target_divergence = target_divergence
         self.__dict__["prior"] = prior  # not a submodule: this loss must not train its parameters
 
@@ -155,6 +166,7 @@ class LatentPolicyUpdate:
             agent.model.prior,
             settings.target_divergence,
             settings.alpha,
+            settings.critic_loss,
         )
         self.loss.make_value_estimator(gamma=settings.gamma)
         self.targets = SoftUpdate(self.loss, tau=settings.tau)
@@ -194,7 +206,8 @@ class LatentPolicyUpdate:
             self.optimizers[name].zero_grad()
         torch.stack([out[f"loss_{name}"] for name in names]).sum().backward()
         for name in names:
-            nn.utils.clip_grad_norm_(self.parameters[name], self.settings.max_grad_norm)
+            if self.settings.max_grad_norm is not None:
+                nn.utils.clip_grad_norm_(self.parameters[name], self.settings.max_grad_norm)
             self.optimizers[name].step()
         self.targets.step()
         return {

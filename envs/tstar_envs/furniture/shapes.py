@@ -21,6 +21,11 @@ class Box:
     pos: Vec3 = (0.0, 0.0, 0.0)
     quat: Quat = IDENTITY
 
+    @property
+    def extent(self) -> float:
+        """Its longest side, m."""
+        return 2 * max(self.size)
+
 
 @dataclass(frozen=True)
 class Cylinder:
@@ -36,10 +41,20 @@ class Cylinder:
         """MuJoCo's sizes: radius, half-length, unused."""
         return (self.radius, self.half_length, 0.0)
 
+    @property
+    def extent(self) -> float:
+        """From end to end or across, whichever is more, m."""
+        return 2 * max(self.half_length, self.radius)
+
 
 @dataclass(frozen=True)
 class Capsule(Cylinder):
-    """A cylinder with round ends: `2 * (half_length + radius)` long from tip to tip."""
+    """A cylinder with round ends."""
+
+    @property
+    def extent(self) -> float:
+        """From tip to tip, m."""
+        return 2 * (self.half_length + self.radius)
 
 
 Shape = Box | Cylinder

@@ -65,7 +65,7 @@ def _sizes(workshop: Workshop) -> Iterator[tuple[bool, str, str]]:
         if mass < LEAST_MASS:
             text = f"the part weighs {1000 * mass:.3g} g: below {1000 * LEAST_MASS:g} g it shivers when it is touched"
             yield False, f"{where}.density", text
-        extent = max(2 * max(shape.size) for shape in part.shapes)
+        extent = max(shape.extent for shape in part.shapes)
         if extent > LARGE:
             yield False, where, f"it has a shape {extent:.2f} m long, the arm reaches about 0.9 m"
         for connector in part.connectors:
