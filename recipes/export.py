@@ -20,6 +20,7 @@ from tstar_rl.config.build import environment, load_skill
 from tstar_rl.config.demonstrations import demonstrated, demonstrations_seed, load_demonstrations, part_name
 from tstar_rl.config.load import recipe
 from tstar_rl.config.recovery import refuse_recovery
+from tstar_rl.config.values import plain
 from tstar_rl.demonstrations.formats import (
     Recording,
     not_reproduced,
@@ -29,8 +30,10 @@ from tstar_rl.demonstrations.formats import (
     write_hdf5,
     write_minari,
 )
+from tstar_rl.launch.steps import check_evaluation
 from tstar_rl.rollouts.episodes import MODES
 from tstar_rl.runs.checkpoint import is_checkpoint
+from tstar_rl.runs.run_folder import read_run_path, run_path
 from tstar_rl.seeds import derive_seed
 
 FORMATS = ("hdf5", "minari")
@@ -98,6 +101,7 @@ def _episodes(config: DictConfig) -> Recording:
     if not folders:
         raise MissingFileError(f"no skill and no chain at {path}")
     refuse_recovery(folders[0])
+    _check_world(config)
     skills = [load_skill(folder, task=config.task.name).to(config.device) for folder in folders]
     if 1 < len(skills) < config.task.subtasks:
         raise InvalidValueError(
@@ -111,6 +115,32 @@ def _episodes(config: DictConfig) -> Recording:
     env = environment(config, subtask, config.episodes, seed, snapshots=True).base_env
     with set_exploration_type(MODES[config.mode]):
         return record(env, policy, f"{_name(config)}, {config.mode}", seed)
+
+
+def _check_world(config: DictConfig) -> None:
+    """Refuses another world than that of the run that config.path is of; a path of no run is taken as it is.
+
+    The time limit may differ: no training has one in its world, and the file says it.
+
+    Raises:
+        InvalidValueError: the run is of another task.
+        CheckpointMismatchError: with what differs.
+    """
+    path, root = Path(config.path).resolve(), Path(config.runs_dir).resolve()
+    if not path.is_relative_to(root):
+        return
+    try:
+        place, _ = read_run_path(path.relative_to(root))
+    except InvalidValueError:
+        return
+    if place.task != config.task.name:  # as runs/quick/table_lack/... is, where runs_dir is runs
+        raise InvalidValueError(
+            f"path={config.path} is of task={place.task}, but task={config.task.name} is asked for: "
+            "give the scale and the folders of its run"
+        )
+    values = plain(config)
+    values["env"].pop("max_steps", None)
+    check_evaluation(run_path(config.results_dir, *place), values)
 
 
 def _played_again(path: Path, config: DictConfig) -> str:

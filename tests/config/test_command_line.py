@@ -3,12 +3,13 @@
 import logging
 import os
 import re
+import runpy
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-from recipe_runs import command, environ
+from recipe_runs import ROOT, command, environ
 
 from tstar_rl import checks
 from tstar_rl.chaining.skill import NetworkSettings, Skill
@@ -33,6 +34,17 @@ def test_work_that_is_done_is_told_and_is_no_failure(capsys):
     with pytest.raises(SystemExit) as ended, told_in_words():
         raise NothingToDo("seed0 has finished")
     assert ended.value.code == 0 and capsys.readouterr().out == "seed0 has finished\n"
+
+
+def test_a_copy_of_a_recipe_that_was_not_renamed_does_not_run_as_the_first(tmp_path):
+    """It would read the first one's values, and find the first one's run."""
+    copy = tmp_path / "recipes" / "mine.py"
+    copy.parent.mkdir()
+    copy.write_text((ROOT / "recipes" / "bc.py").read_text())
+    with pytest.raises(
+        SystemExit, match=r'mine.py is the recipe "bc" by its @rl.recipe: name it "mine" there'
+    ):
+        runpy.run_path(str(copy))
 
 
 def test_a_missing_extra_is_told_in_words(say, monkeypatch):

@@ -1,11 +1,14 @@
 """`export.py` writes what other libraries read, and `bc.py` learns from what it wrote."""
 
 import re
+import shutil
+from dataclasses import replace
 
 import h5py
 import numpy as np
 import pandas as pd
 import pytest
+import yaml
 from recipe_runs import load_recipe, run
 from recorded import as_demonstrations, make, scripted
 
@@ -23,14 +26,14 @@ QUICK += ["env.preassembled=ideal"]
 def test_demonstrations_go_out_and_come_back_and_so_do_episodes(call, tmp_path, monkeypatch, capsys):
     minari = pytest.importorskip("minari")
     monkeypatch.delenv("MINARI_DATASETS_PATH", raising=False)
-    own = as_demonstrations(scripted())
+    own = replace(as_demonstrations(scripted()), noise=0.15)
     own.save(tmp_path / "demonstrations/quick/chair_ingolf/seed0/subtask1_noisy.npz")
     call("export", *QUICK, "demonstrations.episodes=2")
     told = capsys.readouterr().out
     path = tmp_path / "exports/chair_ingolf/noisy_seed0/subtask1.hdf5"
     assert f"{path.relative_to(tmp_path)}: played again from its states, 2 of 2 the same to the bit" in told
     recording = read_hdf5(path)
-    assert [one.succeeded for one in recording.episodes] == [True, True]
+    assert [one.succeeded for one in recording.episodes] == [True, True] and recording.noise == 0.15
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path / "exports/minari"))
     dataset = minari.load_dataset("tstar/chair_ingolf/subtask1_noisy_seed0-v0")
     assert np.array_equal(dataset[1].observations, recording.episodes[1].observations)
@@ -54,6 +57,26 @@ def test_episodes_of_a_chain_with_recovery_are_not_made_without_it(call, tmp_pat
     save_chain(skills, tmp_path / "chain", recovery={"settings": {}, "shares": [1.0]})
     with pytest.raises(SystemExit, match="chain is a chain with recovery, which evaluate.py alone runs"):
         call("export", *QUICK, f"path={tmp_path / 'chain'}", "episodes=2", "formats=[hdf5]")
+
+
+def test_episodes_of_a_run_are_of_the_world_that_it_was_trained_in(call, say, tmp_path):
+    run = run_path("runs/quick", "chair_ingolf", "bc", 0, 1)
+    results = tmp_path / run_path("runs/quick/results", "chair_ingolf", "bc", 0, 1)
+    Skill("chair_ingolf", 1, NetworkSettings(hidden=(8,))).save(tmp_path / run / "last")
+    results.mkdir(parents=True)
+    (results / "config.yaml").write_text(yaml.safe_dump({"env": {"velocity_scale": 0.4}}))
+    values = [*QUICK, "episodes=1", "formats=[hdf5]", "check=false", "+env.max_steps=2"]
+    told = say("export", *values, f"path={run / 'last'}")
+    assert "results/chair_ingolf/bc/seed0/subtask1 has the results of something else: " in told
+    assert "env.velocity_scale was 0.4 when it was saved, and is 1.0 now" in told
+    elsewhere = say("export", "task=chair_ingolf", "subtask=1", f"path={run / 'last'}")
+    assert "last is of task=quick, but task=chair_ingolf is asked for: give the scale" in elsewhere
+    assert not (tmp_path / "exports").exists()
+    for path in ("mine", "runs/quick/mine"):  # of no run: nothing says what its world was
+        shutil.copytree(tmp_path / run / "last", tmp_path / path)
+        call("export", *values, f"path={path}")
+        assert (tmp_path / "exports/chair_ingolf/mine/subtask1.hdf5").is_file()
+        shutil.rmtree(tmp_path / "exports")
 
 
 def test_an_episode_that_differs_is_told(call, tmp_path, monkeypatch, capsys):

@@ -133,8 +133,22 @@ def test_a_run_that_has_finished_begins_anew_only_if_it_is_told_to(tmp_path):
     with pytest.raises(NothingToDo, match=r"seed0 has finished: nothing to do \(resume=false starts over\)"):
         a_run(tmp_path).start(module=torch.nn.Linear(1, 1))
     assert contents(tmp_path) == before
-    a_run(tmp_path, resume=False).start(module=torch.nn.Linear(1, 1))
+    run = a_run(tmp_path, resume=False)
+    run.start(module=torch.nn.Linear(1, 1))
     assert not (run.work / "last").exists() and not (run.results / "evaluation.csv").exists()
+
+
+def test_a_run_that_has_finished_and_has_a_checkpoint_is_not_gone_over_again(tmp_path):
+    run = a_run(tmp_path, training={"total_steps": 1})
+    run.start()
+    run.log(10)
+    run.save_if_due(0)
+    (run.work / "last").mkdir()
+    run.finish()
+    with pytest.raises(NothingToDo, match="nothing to do"):
+        a_run(tmp_path, training={"total_steps": 1}).start()
+    assert (run.work / "finished.json").is_file()
+    assert a_run(tmp_path, training={"total_steps": 20}).start() == 10  # more steps are something to do
 
 
 def test_an_evaluation_is_of_the_steps_that_a_run_was_given(tmp_path):

@@ -62,7 +62,8 @@ def load_demonstrations(config: DictConfig, subtask: int | None) -> "Demonstrati
 
     They must have been made in the config's world: every setting of the environment is compared, but those of
     demonstrations.may_differ and the time limit. One that the file or the config does not name has its default. Of the
-    library's own, kind, number and noise are compared too: a run's config.yaml says what it learned from.
+    library's own, kind, number and noise are compared too, of a user's file the noise where it says it: a run's
+    config.yaml says what it learned from.
 
     Raises:
         MissingFileError: there is no file.
@@ -86,7 +87,11 @@ def load_demonstrations(config: DictConfig, subtask: int | None) -> "Demonstrati
         path = Path(given) / f"{part_name(subtask)}.hdf5" if Path(given).is_dir() else Path(given)
         keys = config.demonstrations.observation_key, config.demonstrations.filter_key
         found = read_demonstrations(path, config.task.name, subtask, *keys)
-        hint, made = "give the same (env.<setting>=...), or name it in demonstrations.may_differ=[...]", []
+        hint = (
+            "give the same (env.<setting>=..., demonstrations.noise=...), or name a setting in "
+            "demonstrations.may_differ=[...]"
+        )
+        made = _otherwise_noisy(config, config.demonstrations.kind, found.noise)
     if wrong := [*_other_settings(config, found.arguments), *made]:
         raise DemonstrationError(f"{path}: {'; '.join(wrong)}; {hint}")
     return found.to(config.device)
@@ -139,9 +144,14 @@ def _otherwise_made(
     asked, wrong = config.demonstrations, differences({"kind": found}, {"kind": kind})
     if episodes != asked.episodes:
         wrong.append(f"it has {episodes} episodes, and demonstrations.episodes is {asked.episodes}")
-    if kind == "noisy" and noise not in (None, asked.noise):
-        wrong.append(f"it was made with a noise of {noise}, and demonstrations.noise is {asked.noise}")
-    return wrong
+    return wrong + _otherwise_noisy(config, kind, noise)
+
+
+def _otherwise_noisy(config: DictConfig, kind: str, noise: float | None) -> list[str]:
+    """The same of the noise alone, which is compared where noisy demonstrations are asked for and a file says it."""
+    if kind != "noisy" or noise is None or noise == config.demonstrations.noise:
+        return []
+    return [f"it was made with a noise of {noise}, and demonstrations.noise is {config.demonstrations.noise}"]
 
 
 def _other_settings(config: DictConfig, arguments: Mapping[str, Any]) -> list[str]:

@@ -43,7 +43,9 @@ def recipe(name: str, **own: Any) -> Callable[[Callable[[DictConfig], None]], Ca
 
     def decorate(function: Callable[[DictConfig], None]) -> Callable[..., None]:
         with told_in_words():
-            check_checkout(Path(function.__code__.co_filename))
+            file = Path(function.__code__.co_filename)
+            check_checkout(file)
+            check_name(file, name)
 
         @functools.wraps(function)
         def body(config: DictConfig) -> None:
@@ -58,6 +60,19 @@ def recipe(name: str, **own: Any) -> Callable[[Callable[[DictConfig], None]], Ca
         return command_line(body, CONFIGS, name, partial(check_config, name=name))
 
     return decorate
+
+
+def check_name(recipe: Path, name: str) -> None:
+    """Checks that a recipe in a folder of recipes has the name of its file: a copy would run as what it is a copy of.
+
+    Raises:
+        ConfigError: if it has another.
+    """
+    if recipe.parent.name == "recipes" and recipe.stem != name:
+        raise ConfigError(
+            f'{recipe} is the recipe "{name}" by its @rl.recipe: name it "{recipe.stem}" there, and give '
+            f"configs/recipe/{recipe.stem}.yaml a system of that name"
+        )
 
 
 def check_checkout(recipe: Path) -> None:

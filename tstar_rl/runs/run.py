@@ -96,7 +96,7 @@ class Run:
         has finished with the same config begins anew with resume=false alone.
 
         Raises:
-            NothingToDo: if it has finished, and has no checkpoint to go on from.
+            NothingToDo: if it has finished, and no more steps are asked for.
             CheckpointMismatchError: when resuming a run that had another config, or where one of another has finished.
             DamagedCheckpointError: if the newest checkpoint is not as it was written. Nothing is touched then.
             LogError: if a table of the run has lost rows.
@@ -109,8 +109,7 @@ class Run:
         if found is None:
             if self.config["resume"] and finished.is_file():
                 self._check_same()
-                if (self.work / "last").is_dir():
-                    raise NothingToDo(f"{self.work} has finished: nothing to do (resume=false starts over)")
+                self._stop_if_done()
             finished.unlink(missing_ok=True)  # first: what is half deleted is not done
             for name in ("checkpoints", *SAVED):
                 shutil.rmtree(self.work / name, ignore_errors=True)
@@ -124,8 +123,9 @@ class Run:
                 checkpoint.load(found, self.components, **begun)
             except (CheckpointMismatchError, checkpoint.DamagedCheckpointError, LogError) as error:
                 raise type(error)(f"{error} (resume=false starts over)") from error
-            note_resumed(self.results, self.env_steps)
             changed = [section for section in begun if begun[section] != self.record[section]]
+            self._stop_if_done(changed)
+            note_resumed(self.results, self.env_steps)
             for section in changed:  # that of more steps, if any
                 note_section(self.results, section, self.record[section])
                 (self.results / "evaluation.csv").unlink(missing_ok=True)  # of the run with fewer steps
@@ -133,6 +133,11 @@ class Run:
         self.bar.update(self.env_steps - self.bar.n)
         self._clock = time.perf_counter()
         return self.env_steps
+
+    def _stop_if_done(self, changed: Sequence[str] = ()) -> None:
+        """Raises NothingToDo if the run has finished, and what it has trained is there, unless it is to go on."""
+        if not changed and (self.work / "finished.json").is_file() and (self.work / "last").is_dir():
+            raise NothingToDo(f"{self.work} has finished: nothing to do (resume=false starts over)")
 
     def _check_same(self) -> None:
         """Raises CheckpointMismatchError if the run that has finished here had another config."""

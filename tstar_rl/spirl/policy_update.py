@@ -51,7 +51,7 @@ class LatentPolicySettings:
     critic_loss: str = "smooth_l1"
     """Of the temporal difference: smooth_l1 or, as in the released code, l2 (decision 0009)."""
     max_grad_norm: float | None = 10.0
-    """Of the critics', the policy's and alpha's gradients, each; None, as in the released code: they are not clipped."""
+    """Of the gradients of critics, policy and alpha, each; None, as in the released code: they are not clipped."""
 
     def __post_init__(self) -> None:
         check_ranges(

@@ -1,6 +1,6 @@
 """Writes episodes as robomimic-style HDF5: one group a demonstration, with full states and the model's XML.
 
-    data                 attrs: total, env_args (JSON), state_layout (JSON), made_by, mujoco_version
+    data                 attrs: total, env_args (JSON), state_layout (JSON), made_by, mujoco_version; noise, if known
       demo_0             attrs: num_samples, model_file (XML), success, seed
         obs/flat         (T, O) float32, before each action; next_obs/flat after it
         actions          (T, 9) float32 in [-1, 1], what the environment was given
@@ -69,6 +69,8 @@ def _fill(file: Any, recording: Recording) -> None:
     data.attrs["state_layout"] = np.bytes_(layout.to_json())
     data.attrs["made_by"] = recording.made_by
     data.attrs["mujoco_version"] = version("mujoco")
+    if recording.noise is not None:
+        data.attrs["noise"] = recording.noise
     data.attrs["total"] = sum(map(len, recording.episodes))
     groups: dict[str, list[str]] = {"successes": [], "failures": []}
     for index, episode in enumerate(recording.episodes):

@@ -61,6 +61,7 @@ def read_demonstrations(
         executed=_together([demo["actions"] for demo in demos]),
         success=torch.ones(len(demos), dtype=torch.bool),
         snapshots=_snapshots(path, contents, sum(lengths)),
+        noise=_noise(path, contents),
     )
 
 
@@ -82,7 +83,8 @@ def read_hdf5(path: str | Path) -> Recording:
         for (name, demo), seed in zip(contents.demos.items(), contents.seeds, strict=True)
     ]
     arguments = {"task": contents.task, "subtask": contents.subtask, **contents.settings}
-    return Recording(arguments, str(contents.attributes.get("made_by", "")), episodes)
+    made_by = str(contents.attributes.get("made_by", ""))
+    return Recording(arguments, made_by, episodes, _noise(path, contents))
 
 
 def _layout(path: str | Path, contents: Contents) -> StateLayout:
@@ -90,6 +92,16 @@ def _layout(path: str | Path, contents: Contents) -> StateLayout:
         return StateLayout.from_json(contents.attributes["state_layout"])
     except (KeyError, ValueError) as error:
         raise DemonstrationError(f"{path}: attribute state_layout of data: {error}") from error
+
+
+def _noise(path: str | Path, contents: Contents) -> float | None:
+    if "noise" not in contents.attributes:
+        return None
+    value = np.asarray(found := contents.attributes["noise"])
+    if value.shape or value.dtype.kind not in "iuf" or not np.isfinite(value) or value < 0:
+        said = found.item() if isinstance(found, np.generic) else found
+        raise DemonstrationError(f"{path}: attribute noise of data is {said!r}, should be one number from 0")
+    return float(value)
 
 
 def _episode(

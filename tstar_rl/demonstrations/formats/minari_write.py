@@ -32,7 +32,7 @@ def write_minari(recording: Recording, dataset_id: str, root: str | Path) -> Pat
 
     Observations and infos have T + 1 rows, the rest T. `infos["state"]` are full states, and the metadata's
     `state_layout` says what is where in them; `infos["expert_action"]` (last row 0) is what to imitate, where an
-    expert was asked. `model_xml` in the metadata is the scene.
+    expert was asked. `model_xml` in the metadata is the scene, `noise` that of the recording, where it is known.
 
     Args:
         recording: what is written.
@@ -86,7 +86,10 @@ def _create(recording: Recording, dataset_id: str) -> None:
             data_format="hdf5",
         )
     task = recording.arguments["task"]
-    dataset.storage.update_metadata({"state_layout": layout.to_json(), "model_xml": model_xml(task)})
+    metadata = {"state_layout": layout.to_json(), "model_xml": model_xml(task)}
+    if recording.noise is not None:
+        metadata["noise"] = recording.noise
+    dataset.storage.update_metadata(metadata)
 
 
 def _buffer(episode: Episode, layout: StateLayout) -> Any:

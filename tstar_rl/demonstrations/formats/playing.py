@@ -78,6 +78,7 @@ def replay_demonstrations(env: Any, demonstrations: Demonstrations) -> Recording
         env.arguments,
         f"scripted assembler, {demonstrations.kind} demonstrations",
         [replace(episode, labels=label, seed=seed) for episode, label, seed in together],
+        demonstrations.noise,
     )
 
 

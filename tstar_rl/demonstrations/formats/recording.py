@@ -53,11 +53,13 @@ class Recording:
         arguments: of `FurnitureEnv`, plain values: task, subtask and settings.
         made_by: what acted, for people to read.
         episodes: in the order of their start.
+        noise: deviation of the arm's executed actions, where an expert demonstrated; None where nothing is said.
     """
 
     arguments: dict[str, Any]
     made_by: str
     episodes: list[Episode]
+    noise: float | None = None
 
     @property
     def successes(self) -> "Recording":
