@@ -99,15 +99,6 @@ def test_skills_chained_as_they_are_have_results_but_no_run(recipe, made):
     assert recipe._spent(config, "gail_ppo", skills, True) == {"env_steps": 20, "minutes": 2}
 
 
-def test_the_skills_that_a_chain_began_with_are_those_that_its_training_noted(recipe, made):
-    config, results, _ = places(recipe, "path=runs/table_lack/tstar/seed1/last")
-    assert recipe._begun_with(config, results) == "gail_ppo"
-    results.mkdir(parents=True)
-    for noted, begun_with in (({}, "bc"), ({"evaluation_only": True}, "gail_ppo")):
-        (results / "config.yaml").write_text(yaml.safe_dump({"skills": "bc", **noted}))
-        assert recipe._begun_with(config, results) == begun_with
-
-
 def test_one_skill_of_a_chain_and_a_folder_of_no_run(recipe, made):
     config, results, found = places(recipe, "path=runs/table_lack/tstar/seed1/last/skill1")
     assert config.seed == 1 and list(found) == ["skill1"]
@@ -198,4 +189,4 @@ def test_a_shipped_chain_brings_its_task_seed_settings_and_episodes(recipe, call
     table = pd.read_csv(tmp_path / "table_lack/pretrained/tstar/seed5/evaluation.csv")
     assert table[["checkpoint", "episodes", "episode_length"]].values.tolist() == [["last", 2, 12.0]]
     assert table.env_steps[0] == record["figures"]["deterministic"]["env_steps"]
-    assert "other episodes than those of the figures recorded" in capsys.readouterr().out
+    assert "another world than that of the figures recorded" in capsys.readouterr().out
