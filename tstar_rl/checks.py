@@ -13,6 +13,7 @@ __all__ = [
     "MissingFileError",
     "NothingToDo",
     "UserError",
+    "check_choices",
     "check_ranges",
     "check_sizes",
     "did_you_mean",
@@ -115,6 +116,23 @@ def check_ranges(settings: Any, **kinds: Sequence[str]) -> None:
             value = getattr(settings, name)
             if value is not None and not fits(value):
                 raise InvalidValueError(f"{type(settings).__name__}.{name} must be {said}, got {value}")
+
+
+def check_choices(settings: Any, **choices: Iterable[str]) -> None:
+    """Checks fields of a settings object that are one of a few words.
+
+    Args:
+        settings: a dataclass.
+        **choices: the valid words of each field.
+
+    Raises:
+        InvalidValueError: for the first that is another.
+    """
+    for name, valid in choices.items():
+        if (got := getattr(settings, name)) not in valid:
+            raise InvalidValueError(
+                f"{type(settings).__name__}.{name} must be one of {', '.join(valid)}; got {got!r}"
+            )
 
 
 def check_sizes(settings: Any, *names: str) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 import torch
 from torch import nn
 
-from tstar_rl.checks import InvalidValueError, check_ranges, check_sizes
+from tstar_rl.checks import check_choices, check_ranges, check_sizes
 from tstar_rl.env.layout import observation_size
 from tstar_rl.models.networks import Discriminator, make_discriminator, make_policy, make_value
 from tstar_rl.models.normalizer import Normalizer, Standardizer
@@ -41,16 +41,9 @@ class NetworkSettings:
 
     def __post_init__(self) -> None:
         check_ranges(self, positive=("action_std", "hand_std"))
-        choices = {
-            "activation": ACTIVATIONS,
-            "discriminator_activation": ACTIVATIONS,
-            "std": ("state", "fixed"),
-        }
-        for field, valid in choices.items():
-            if getattr(self, field) not in valid:
-                raise InvalidValueError(
-                    f"NetworkSettings.{field} must be one of {', '.join(valid)}; got {getattr(self, field)!r}"
-                )
+        check_choices(
+            self, activation=ACTIVATIONS, discriminator_activation=ACTIVATIONS, std=("state", "fixed")
+        )
         check_sizes(self, "hidden", "discriminator_hidden")
 
 

@@ -11,7 +11,7 @@ from torchrl.envs import ExplorationType, set_exploration_type
 from torchrl.modules import ProbabilisticActor, ValueOperator
 from torchrl.objectives import SACLoss, SoftUpdate
 
-from tstar_rl.checks import InvalidValueError, check_ranges, check_sizes
+from tstar_rl.checks import check_choices, check_ranges, check_sizes
 from tstar_rl.equations import divergence_dual_loss, gaussian_kl, prior_regularised_value
 from tstar_rl.spirl.agent import SpirlAgent
 from tstar_rl.spirl.model import LatentCritic, make_latent_critic
@@ -63,10 +63,7 @@ class LatentPolicySettings:
             positive_share=("tau",),
         )
         check_sizes(self, "critic_hidden")
-        if self.critic_loss not in CRITIC_LOSSES:
-            raise InvalidValueError(
-                f"LatentPolicySettings.critic_loss must be one of {', '.join(CRITIC_LOSSES)}; got {self.critic_loss!r}"
-            )
+        check_choices(self, critic_loss=CRITIC_LOSSES)
 
 
 class PriorRegularisedSACLoss(SACLoss):

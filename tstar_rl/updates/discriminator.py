@@ -7,7 +7,7 @@ import torch
 from tensordict import TensorDict
 from torch import Tensor
 
-from tstar_rl.checks import InvalidValueError, check_ranges
+from tstar_rl.checks import check_choices, check_ranges
 from tstar_rl.models.networks import Discriminator
 from tstar_rl.objectives import DiscriminatorLoss
 from tstar_rl.signal_equations import two_sided_loss
@@ -39,10 +39,7 @@ class DiscriminatorSettings:
             positive=("learning_rate",),
             not_negative=("gradient_penalty",),
         )
-        if self.penalty not in PENALTIES:
-            raise InvalidValueError(
-                f"DiscriminatorSettings.penalty must be one of {', '.join(PENALTIES)}; got {self.penalty!r}"
-            )
+        check_choices(self, penalty=PENALTIES)
 
 
 class DiscriminatorUpdate(SampledUpdate):
