@@ -47,7 +47,7 @@ def write_shelf(root: Path, runs: dict) -> Path:
 
 def contents(root: Path, **more) -> None:
     entry = {"folder": "shelf", "kind": "experiment", **more}
-    (root / "contents.yaml").write_text(yaml.safe_dump({"experiments": [entry], "readme": {"shelf": None}}))
+    (root / "contents.yaml").write_text(yaml.safe_dump({"experiments": [entry]}))
 
 
 def section(root: Path) -> str:

@@ -39,5 +39,5 @@ def write(root: Path, experiment: str, recipe: str, seed: int, progress: float, 
     (folder / "config.yaml").write_text(yaml.safe_dump({"versions": {"commit": more.get("commit", COMMIT)}}))
 
 
-def contents(root: Path, experiments: list[dict], readme: dict[str, list[str] | None]) -> None:
-    (root / "contents.yaml").write_text(yaml.safe_dump({"experiments": experiments, "readme": readme}))
+def contents(root: Path, experiments: list[dict]) -> None:
+    (root / "contents.yaml").write_text(yaml.safe_dump({"experiments": experiments}))

@@ -22,7 +22,7 @@ def published(tmp_path) -> Path:
     (tmp_path / "odd" / "README.md").write_text("# Odd chains\n\nOf skills that are odd.\n")
     (tmp_path / "plain" / "README.md").write_text("# Plain: chains\n\nAs in the paper.\n")
     odd = {"folder": "odd", "kind": "experiment", "pairs": [["tstar", "buffer_no_gate"]]}
-    contents(tmp_path, [odd, {"folder": "plain", "kind": "paper"}], {"odd": None, "plain": None})
+    contents(tmp_path, [odd, {"folder": "plain", "kind": "paper"}])
     return tmp_path
 
 

@@ -25,7 +25,7 @@ def published(tmp_path):
     (tmp_path / "odd" / "README.md").write_text("# Odd chains\n")
 
     def shown(**changed):
-        contents(tmp_path, [{"folder": "odd", "kind": "experiment"}], {})
+        contents(tmp_path, [{"folder": "odd", "kind": "experiment"}])
         file = tmp_path / "contents.yaml"
         file.write_text(
             file.read_text() + yaml.safe_dump({"headline": {**SHOWN, **changed}}, sort_keys=False)
@@ -75,7 +75,7 @@ def test_mistakes_are_named(published, changed, message):
 
 def test_it_may_be_left_out(published):
     root, _ = published
-    contents(root, [{"folder": "odd", "kind": "experiment"}], {})
+    contents(root, [{"folder": "odd", "kind": "experiment"}])
     assert read_contents(root).headline is None
     drawn = draw_page(root, {"systems": {}}, root / "figures")
     assert drawn and "headline.png" not in [path.name for path in drawn]

@@ -65,11 +65,11 @@ def test_the_page_says_which_skills_are_learned(published, arms):
         (folder / "config.yaml").write_text(f"versions: {{commit: {COMMIT}}}\n")
     odd = {"folder": "odd", "kind": "experiment"}
     plain = {"folder": "plain", "kind": "paper"}
-    contents(published, [odd, plain], {})
+    contents(published, [odd, plain])
     assert "skills are learned" not in results_page(published, THEIRS, "")
     assert ("#### Arms" in results_page(published, THEIRS, "")) == arms
     assert "All runs come from commit ccccccc." in results_page(published, THEIRS, "")
-    contents(published, [{**odd, "learned": {"mean": 0.95, "lowest": 0.9, "seeds": 3}}, plain], {})
+    contents(published, [{**odd, "learned": {"mean": 0.95, "lowest": 0.9, "seeds": 3}}, plain])
     page = results_page(published, THEIRS, "")
     assert "#### Which skills are learned\n\n| subtask | success of each seed [95%, Wilson] | mean |" in page
     assert (
@@ -80,6 +80,6 @@ def test_the_page_says_which_skills_are_learned(published, arms):
 
 def test_a_rule_with_a_field_missing_is_refused(published):
     odd = {"folder": "odd", "kind": "experiment", "learned": {"mean": 0.95, "worst": 0.9}}
-    contents(published, [odd, {"folder": "plain", "kind": "paper"}], {})
+    contents(published, [odd, {"folder": "plain", "kind": "paper"}])
     with pytest.raises(ValueError, match="learned has mean, lowest, .* needs mean, lowest, seeds; .* worst"):
         read_contents(published)

@@ -1,7 +1,6 @@
 """Mistakes in contents.yaml, which says what the page shows."""
 
 import pytest
-import yaml
 from published_runs import contents
 
 from tstar_rl.analysis.page.contents import read_contents
@@ -28,27 +27,14 @@ from tstar_rl.analysis.page.contents import read_contents
 )
 def test_mistakes_in_the_contents_are_named(published, change, message):
     contents(
-        published,
-        [{"folder": "odd", "kind": "experiment", **change}, {"folder": "plain", "kind": "paper"}],
-        {},
+        published, [{"folder": "odd", "kind": "experiment", **change}, {"folder": "plain", "kind": "paper"}]
     )
     with pytest.raises(ValueError, match=message):
         read_contents(published)
 
 
-@pytest.mark.parametrize(
-    ("readme", "message"),
-    [(["odd"], "readme must map folders to arms"), ({"even": None}, "readme names even; there are")],
-)
-def test_the_contents_say_what_the_readme_shows(published, readme, message):
-    entries = yaml.safe_load((published / "contents.yaml").read_text())["experiments"]
-    contents(published, entries, readme)
-    with pytest.raises(ValueError, match=message):
-        read_contents(published)
-
-
 def test_no_published_experiment_is_forgotten(published):
-    contents(published, [{"folder": "odd", "kind": "experiment"}], {})
+    contents(published, [{"folder": "odd", "kind": "experiment"}])
     with pytest.raises(ValueError, match="leaves out plain"):
         read_contents(published)
     (published / "odd" / "README.md").unlink()

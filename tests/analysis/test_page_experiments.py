@@ -4,7 +4,6 @@ import re
 
 import pandas as pd
 import pytest
-import yaml
 from published_runs import COMMIT, THEIRS, contents, write
 
 from tstar_rl.analysis import read_metrics, rise_figure
@@ -55,21 +54,21 @@ def test_a_family_of_comparisons_is_corrected_for_all_of_it(published):
         "pairs": pairs,
         "families": [[["tstar", "buffer"], ["tstar", "mine"]]],
     }
-    contents(published, [odd, {"folder": "plain", "kind": "paper"}], {})
+    contents(published, [odd, {"folder": "plain", "kind": "paper"}])
     with pytest.raises(ValueError, match=r"families of odd have \[\('tstar', 'mine'\)\], not in its pairs"):
         read_contents(published)
     pairs.append(["tstar", "mine"])
     asked = {"asks": "Better?", "pairs": [["tstar", "buffer_no_gate"]], "seeds": 2, "improvement": 0.95}
-    contents(published, [{**odd, "questions": [asked]}, {"folder": "plain", "kind": "paper"}], {})
+    contents(published, [{**odd, "questions": [asked]}, {"folder": "plain", "kind": "paper"}])
     with pytest.raises(
         ValueError, match=r"improvement ask for \[\('tstar', 'buffer_no_gate'\)\], which no family"
     ):
         read_contents(published)
     twice = {**odd, "families": [[["tstar", "buffer"]]] * 2}
-    contents(published, [twice, {"folder": "plain", "kind": "paper"}], {})
+    contents(published, [twice, {"folder": "plain", "kind": "paper"}])
     with pytest.raises(ValueError, match=r"families of odd share \[\('tstar', 'buffer'\)\]"):
         read_contents(published)
-    contents(published, [odd, {"folder": "plain", "kind": "paper"}], {})
+    contents(published, [odd, {"folder": "plain", "kind": "paper"}])
     page = results_page(published, THEIRS, "")
     # Differences .25 and .125: t = 3 with one degree of freedom has p = .2048; twice that, for the pair not run counts.
     assert re.search(r"\| T-STAR minus buffer starts \| 2 \|.*\| 0\.410 \| no clear difference \|", page)
@@ -87,7 +86,7 @@ def test_declared_questions_are_answered_when_their_seeds_are_there(published):
         {"asks": "By how much?", "pairs": pair, "seeds": 3, "margin": 0.5},
         {"asks": "And mine?", "pairs": [["tstar", "mine"]], "seeds": 1},
     ]
-    contents(published, [odd, {"folder": "plain", "kind": "paper"}], {})
+    contents(published, [odd, {"folder": "plain", "kind": "paper"}])
     page = results_page(published, THEIRS, "Found:\n\n<!-- answers: odd -->")
     lead, rest = page.split("## How to read the tables")
     for part in (lead, rest):  # both seeds differ by .25; the probability of improvement is .875
@@ -147,7 +146,7 @@ def test_what_each_choice_adds_is_said_in_the_words_of_the_contents(published):
         "one seed": ["alone", "tstar"],
         "what was not run": ["tstar", "buffer"],
     }
-    contents(published, [odd, {"folder": "plain", "kind": "paper"}], {})
+    contents(published, [odd, {"folder": "plain", "kind": "paper"}])
     page = results_page(published, THEIRS, "<!-- choices: odd -->")
     rows = [line.strip("| ").split(" | ") for line in page.split("| what is chosen |")[1].splitlines()]
     rows = {row[0]: row[1:] for row in rows}
@@ -164,12 +163,10 @@ def test_what_each_choice_adds_is_said_in_the_words_of_the_contents(published):
 def test_an_arm_may_have_no_gap_and_a_rule_for_better_shows_what_decides(published):
     asked = {"asks": "Better?", "pairs": [["tstar", "buffer_no_gate"]], "seeds": 2, "improvement": 0.95}
     odd = {"folder": "odd", "kind": "experiment", "pairs": asked["pairs"], "families": [asked["pairs"]]}
-    contents(published, [{**odd, "questions": [asked]}, {"folder": "plain", "kind": "paper"}], {})
+    contents(published, [{**odd, "questions": [asked]}, {"folder": "plain", "kind": "paper"}])
     assert "| 1.000 | 0.375 |" in results_page(published, THEIRS, "")
     contents(
-        published,
-        [{**odd, "questions": [asked], "no_gap": ["tstar"]}, {"folder": "plain", "kind": "paper"}],
-        {},
+        published, [{**odd, "questions": [asked], "no_gap": ["tstar"]}, {"folder": "plain", "kind": "paper"}]
     )
     page = results_page(published, THEIRS, "")
     assert "| 0.75 0.50 | - | - | - |" in page and "| 1.000 | 0.375 |" not in page
@@ -182,15 +179,15 @@ def test_the_interval_of_an_answer_is_the_wider_of_two(published):
     write(published, "odd", "buffer", 4, 0.375)
     asked = {"asks": "Does it help?", "pairs": [["tstar", "buffer"]], "seeds": 2, "margin": 0.05}
     odd = {"folder": "odd", "kind": "experiment", "pairs": asked["pairs"], "questions": [asked]}
-    contents(published, [odd, {"folder": "plain", "kind": "paper"}], {})
+    contents(published, [odd, {"folder": "plain", "kind": "paper"}])
     assert "| Does it help? | +0.188 [-0.61, +0.98] |" in results_page(published, THEIRS, "")
 
 
 def test_an_experiment_may_call_an_arm_otherwise(published):
     odd = {"folder": "odd", "kind": "experiment", "arms": {"buffer": "other starts"}}
-    contents(published, [odd, {"folder": "plain", "kind": "paper"}], {"odd": None})
+    contents(published, [odd, {"folder": "plain", "kind": "paper"}])
     pages = results_page(published, THEIRS, "<!-- table: odd -->"), runs_page(published, THEIRS)
-    for page in (*pages, results_head(published, THEIRS, "Found.")):
+    for page in (*pages, results_head(published, THEIRS, "<!-- table: odd -->")):
         assert "| other starts, every turn kept | " in page and "buffer starts" not in page
 
 
@@ -211,27 +208,24 @@ def test_only_what_was_changed_after_its_skills_were_tried_has_a_star(published)
     assert (rows["no_finetuning"], rows["floored"]) == ("-0.125", "-0.125 \\*")
 
 
-def test_the_readme_has_what_the_notes_begin_with_and_short_tables(published):
-    notes = "Found [so](#so).\n\n![Drawn.](figures/a.png) [Site](https://a.b)\n\n## More\n\nAnd more."
+def test_the_readme_has_what_the_notes_begin_with_and_its_tables(published):
+    notes = (
+        "Found [so](#so).\n\n![Drawn.](figures/a.png) [Site](https://a.b)\n\n<!-- table: odd -->\n\n## More\n"
+    )
     head = results_head(published, THEIRS, notes)
     lead = "Found [so](docs/results.md#so).\n\n![Drawn.](docs/figures/a.png) [Site](https://a.b)"
-    assert (
-        head.startswith(f"{lead}\n\n[Odd chains](docs/results.md#odd-chains), `table`") and "ore" not in head
-    )
+    assert head.startswith(f"{lead}\n\n| chain |") and "ore" not in head
     assert re.search(r"\| T-STAR \| 0\.625 \[[^|]+\| 0\.625 \[[^|]+\| 0\.375 \| 2 \|", head)
     assert "| buffer starts, every turn kept |" in head
-    assert "[Plain: chains](docs/results.md#plain-chains)" in head
-    assert "| T-STAR | 0.90 +- 0.07 | 1.000 |" in head
 
 
-def test_the_readme_has_the_arms_that_the_contents_name(published):
-    entries = yaml.safe_load((published / "contents.yaml").read_text())["experiments"]
-    contents(published, entries, {"odd": ["tstar"]})
-    head = results_head(published, THEIRS, "Found.")
-    assert "| T-STAR | 0.625" in head and "buffer" not in head and "Plain" not in head
-    contents(published, entries, {"odd": ["tstar", "mine"]})
+def test_a_table_has_the_arms_that_the_notes_name(published):
+    head = results_head(published, THEIRS, "<!-- table: odd: tstar -->")
+    assert "| T-STAR | 0.625" in head and "buffer" not in head
     with pytest.raises(ValueError, match="table has no arm mine; it has buffer_no_gate, tstar"):
-        results_head(published, THEIRS, "Found.")
+        results_page(published, THEIRS, "<!-- table: odd: tstar, mine -->")
+    with pytest.raises(ValueError, match="<!-- table: plain -->: there is no such experiment; there are odd"):
+        results_page(published, THEIRS, "<!-- table: plain -->")
 
 
 def test_arms_of_several_commits_are_refused_unless_the_contents_say_so(published):
@@ -239,7 +233,7 @@ def test_arms_of_several_commits_are_refused_unless_the_contents_say_so(publishe
     with pytest.raises(ValueError, match="must come from one commit, got .*ddddddd: table/buffer/seed3"):
         results_page(published, THEIRS, "")
     odd = {"folder": "odd", "kind": "experiment", "commits": "several"}
-    contents(published, [odd, {"folder": "plain", "kind": "paper"}], {})
+    contents(published, [odd, {"folder": "plain", "kind": "paper"}])
     page = results_page(published, THEIRS, "")
     assert "The runs come from several commits:" in page
     assert "- ddddddd: `table`: `buffer` (seed 3)" in page and "`tstar` (seed 3, 4)" in page

@@ -31,7 +31,7 @@ def alone(tmp_path):
     rows[1]["completed"] = 1.0
     pd.DataFrame(rows).to_csv(tmp_path / "alone/table/ppo/seed7/metrics.csv", index=False)
     (tmp_path / "alone" / "README.md").write_text("# Alone\n\nOf the whole task.\n")
-    contents(tmp_path, [ENTRY], {})
+    contents(tmp_path, [ENTRY])
     return tmp_path
 
 

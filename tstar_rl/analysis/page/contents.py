@@ -82,8 +82,6 @@ class Contents:
     """All experiments, in the order of the page."""
 
     experiments: tuple[Entry, ...]
-    readme: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    """Folders whose short tables the README shows, and which arms of each; none named: all."""
     headline: Headline | None = None
     """The page's first figure."""
 
@@ -109,15 +107,8 @@ def read_contents(root: str | Path) -> Contents:
     left_out = {folder.name for folder in root.iterdir() if folder.is_dir()} - named
     if left_out:
         raise ValueError(f"{file} leaves out {', '.join(sorted(left_out))}")
-    readme = values.get("readme") or {}
-    if not isinstance(readme, dict):
-        raise ValueError(f"{file}: readme must map folders to arms, as in {{narrow: [tstar]}}, got {readme}")
-    if set(readme) - named:
-        raise ValueError(
-            f"{file}: readme names {', '.join(sorted(set(readme) - named))}; there are {sorted(named)}"
-        )
     headline = parse_headline(root, values["headline"]) if "headline" in values else None
-    return Contents(entries, {folder: tuple(arms or ()) for folder, arms in readme.items()}, headline)
+    return Contents(entries, headline)
 
 
 def _entry(root: Path, one: dict) -> Entry:

@@ -4,6 +4,7 @@ The same published tables give the same text. Nothing is left out for being bad;
 """
 
 import re
+from collections.abc import Iterable
 from pathlib import Path
 
 from tstar_rl.analysis.experiments import read_experiment
@@ -71,25 +72,26 @@ def results_page(root: str | Path, paper: Paper, notes: str) -> str:
     """
     entries = read_contents(root).experiments
     found = [_experiment(entry, paper) for entry in entries]
-    said = _filled(notes, {entry.folder.name: entry for entry in entries}, paper)
+    said = _filled(notes, entries, paper)
     return "\n\n".join(part.strip() for part in ("# Results", WRITTEN, said, READING, *found)) + "\n"
 
 
-def _filled(notes: str, entries: dict[str, Entry], paper: Paper) -> str:
+def _filled(notes: str, entries: Iterable[Entry], paper: Paper) -> str:
     """The notes with the tables that they ask for.
 
-    `<!-- table: <folder> -->`, and in the place of `table` also `comparisons`, `answers`, `choices`; of several tasks,
-    `over all tasks`.
+    `<!-- table: <folder> -->` is one, `<!-- table: <folder>: <arm>, <arm> -->` has these arms alone. In the place of
+    `table` there are `comparisons`, `answers`, `choices`, and of several tasks `over all tasks`, each with all arms.
 
     Raises:
-        ValueError: for a folder that is no experiment.
+        ValueError: for a folder that is no experiment, or an arm that it does not have.
     """
+    experiments = {entry.folder.name: entry for entry in entries if entry.kind == "experiment"}
 
     def fill(found: re.Match[str]) -> str:
-        kind, entry = found[1], entries.get(found[2])
-        if entry is None or entry.kind != "experiment":
-            known = ", ".join(name for name, each in entries.items() if each.kind == "experiment")
-            raise ValueError(f"{found[0]}: there is no such experiment; there are {known}")
+        kind, folder, arms = found.groups()
+        if folder not in experiments:
+            raise ValueError(f"{found[0]}: there is no such experiment; there are {', '.join(experiments)}")
+        entry = experiments[folder]
         experiment, named = read_experiment(entry.folder), entry.named(paper)
         if kind == "over all tasks":
             return short_over_tasks(experiment, named, entry).strip()
@@ -97,13 +99,14 @@ def _filled(notes: str, entries: dict[str, Entry], paper: Paper) -> str:
         shown = {
             task: written[kind](experiment, named, entry, task)
             if kind in written
-            else parts.short_table(experiment, named, entry, task)
+            else parts.short_table(experiment, named, entry, task, arms.split(", ") if arms else ())
             for task in experiment.tasks
         }
         several = len(experiment.tasks) > 1
         return "\n".join(f"`{task}`:\n\n{text}" if several else text for task, text in shown.items()).strip()
 
-    return re.sub(r"<!-- (table|comparisons|answers|choices|over all tasks): (\S+) -->", fill, notes)
+    asked = r"<!-- (table|comparisons|answers|choices|over all tasks): ([^\s:]+)(?:: ([\w, ]+))? -->"
+    return re.sub(asked, fill, notes)
 
 
 def _experiment(entry: Entry, paper: Paper) -> str:
@@ -146,35 +149,16 @@ def _experiment(entry: Entry, paper: Paper) -> str:
 
 
 def results_head(root: str | Path, paper: Paper, notes: str) -> str:
-    """What the README shows: what the notes begin with, and short tables of some experiments.
+    """What the README shows: what the notes begin with, up to their first heading.
 
     Args:
         root: see `results_page`.
         paper: see `results_page`.
-        notes: see `results_page`; shown up to their first heading, links changed to lead from the README's folder.
+        notes: see `results_page`; links and pictures are changed to lead from the README's folder.
     """
-    contents = read_contents(root)
     lead = re.split(r"^#", notes, maxsplit=1, flags=re.MULTILINE)[0].replace("](#", "](results.md#")
-    found = [re.sub(r"\]\((?!https?:)", "](docs/", lead)]
-    entries = {entry.folder.name: entry for entry in contents.experiments}
-    for folder, arms in contents.readme.items():
-        entry = entries[folder]
-        evaluations = sections.evaluations_of(entry.folder)
-        tasks = sections.tasks_of(paper, evaluations)
-        link = f"[{entry.title}](docs/results.md#{anchor(entry.title)})"
-        if entry.kind == "paper":
-            found += [link, sections.short_comparison(evaluations, paper, tasks)]
-        if entry.kind == "experiment":
-            experiment, named = read_experiment(entry.folder), entry.named(paper)
-            if len(experiment.tasks) > 1:
-                shown = {f"{len(experiment.tasks)} tasks": short_over_tasks(experiment, named, entry)}
-            else:
-                shown = {
-                    f"`{task}`": parts.short_table(experiment, named, entry, task, arms)
-                    for task in experiment.tasks
-                }
-            found += [text for words, rows in shown.items() for text in (f"{link}, {words}", rows)]
-    return "\n\n".join(part.strip() for part in found)
+    lead = re.sub(r"\]\((?!https?:)", "](docs/", lead)
+    return _filled(lead, read_contents(root).experiments, paper).strip()
 
 
 def replace_block(text: str, block: str) -> str:

@@ -28,7 +28,6 @@ __all__ = [
     "hand_over",
     "learned",
     "pick",
-    "short_comparison",
     "skills",
     "tasks_of",
 ]
@@ -83,20 +82,6 @@ def comparison(evaluations: pd.DataFrame, paper: Paper, task: str) -> str:
         rows.append([*row, str(seeds) if seeds else "not run"])
     header = ["system", "paper: progress", "success", "ours, last: progress", "success"]
     return table([*header, "ours, best: progress", "success", "seeds"], rows)
-
-
-def short_comparison(evaluations: pd.DataFrame, paper: Paper, tasks: list[str]) -> str:
-    """Progress of every system on every task, the paper's and ours, for the README."""
-    rows = []
-    for system, label in labels(paper, evaluations["recipe"]).items():
-        row = [label]
-        for task in tasks:
-            last = pick(whole_task(evaluations, task), system, "last")
-            row += [theirs(paper, system, task)[0], over_seeds(last["progress"])]
-        if set(row[1:]) != {NOTHING}:
-            rows.append(row)
-    header = [f"{task}: {whose}" for task in tasks for whose in ("paper", "ours")]
-    return table(["progress", *header], rows)
 
 
 def budgets(evaluations: pd.DataFrame, paper: Paper, task: str) -> str:
