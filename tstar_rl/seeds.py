@@ -17,7 +17,16 @@ PURPOSES = (
     "collect",
 )
 
-EVALUATIONS = ("deterministic", "stochastic", "hand_over", "own_starts", "chain", "influence", "exchange")
+EVALUATIONS = (
+    "deterministic",
+    "stochastic",
+    "hand_over",
+    "own_starts",
+    "chain",
+    "influence",
+    "exchange",
+    "ways_home",
+)
 """What is evaluated, each with seeds of its own: the modes of `rollouts.episodes`, then what single recipes measure."""
 
 

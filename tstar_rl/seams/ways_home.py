@@ -1,0 +1,67 @@
+"""What a chain with recovery finds when its arm goes home: where its parts lie, and whether the skill then succeeds."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import torch
+from tensordict import TensorDictBase
+from torch import Tensor
+
+from tstar_rl.chaining.recovery import RecoveringChain
+from tstar_rl.env.layout import NUM_PHASES, PARTS
+
+__all__ = ["WaysHome"]
+
+
+class WaysHome:
+    """Notes every way home of a chain; `each_step` of `run_episodes`, one episode of each simulation.
+
+    Args:
+        policy: the chain.
+        parts: by the name of a column, a part of each subtask, by its place in the observation: the one that it moves,
+            say.
+
+    Attributes:
+        found: a row for each way home, in the order in which they began: skill; way, how often the arm had gone home
+            before since the skill took over; step of the episode; <name>_moved (m) and <name>_turned (degrees), the
+            distance and angle of a part between where it was when the skill took over and when the arm set out;
+            succeeded, whether the skill did before it was sent home again.
+    """
+
+    def __init__(self, policy: RecoveringChain, parts: Mapping[str, Sequence[int]]) -> None:
+        self.policy, self.parts = policy, parts
+        self.found: list[dict[str, Any]] = []
+        self._open: dict[int, dict[str, Any]] = {}
+        self._skill: Tensor | None = None
+
+    def __call__(self, tensordict: TensorDictBase) -> None:
+        """tensordict: batch [N], as `run_episodes` hands it on."""
+        skill, done = (tensordict[name].squeeze(-1).cpu() for name in ("subtask", "done"))
+        poses = tensordict["observation"][:, PARTS:-NUM_PHASES].unflatten(-1, (-1, 7)).cpu()
+        homings = self.policy.homings.cpu()
+        if self._skill is None:
+            self._skill, self._at_hand_over = torch.full_like(skill, -1), poses.clone()
+            self._homings, self._ways = torch.zeros_like(homings), torch.zeros_like(homings)
+        handed = skill != self._skill
+        self._at_hand_over[handed], self._ways[handed] = poses[handed], 0
+        for row in ((homings > self._homings) & ~done).nonzero().squeeze(-1).tolist():
+            way: dict[str, Any] = {"skill": int(skill[row]), "way": int(self._ways[row])}
+            way["step"] = int(tensordict["step_count"][row])
+            for name, of_skill in self.parts.items():
+                part = of_skill[way["skill"]]
+                way |= _apart(name, self._at_hand_over[row, part], poses[row, part])
+            way["succeeded"] = 0
+            self.found.append(way)
+            self._open[row] = way
+            self._ways[row] += 1
+        advanced = tensordict["next", "completed"] > tensordict["completed"]
+        for row in (advanced.squeeze(-1).cpu() & ~done).nonzero().squeeze(-1).tolist():
+            self._open.pop(row, {})["succeeded"] = 1
+        self._skill, self._homings = skill.clone(), homings.clone()
+
+
+def _apart(name: str, first: Tensor, second: Tensor) -> dict[str, float]:
+    """How far apart two poses (7,) of a part are."""
+    cosine = torch.dot(first[3:].double(), second[3:].double()).abs().clamp(max=1.0)
+    moved, turned = (second[:3] - first[:3]).norm(), torch.rad2deg(2 * cosine.acos())
+    return {f"{name}_moved": round(float(moved), 4), f"{name}_turned": round(float(turned), 2)}
