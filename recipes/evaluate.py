@@ -30,13 +30,13 @@ from tstar_rl.config.load import recipe
 from tstar_rl.config.pretrained import take_pretrained
 from tstar_rl.config.recovery import chain_policy
 from tstar_rl.config.values import plain
-from tstar_rl.launch.steps import begun_with, check_evaluation, evaluated_runs, run_folder
+from tstar_rl.launch.steps import begun_with, check_evaluation, ended_since, evaluated_runs, run_folder
 from tstar_rl.rollouts.episodes import evaluate, same_policy
 from tstar_rl.rollouts.recorder import Recorder
 from tstar_rl.runs.checkpoint import is_checkpoint
 from tstar_rl.runs.csv_tables import append_rows
 from tstar_rl.runs.run_config import note_evaluation
-from tstar_rl.runs.run_folder import made_by, read_run_path, run_path
+from tstar_rl.runs.run_folder import FINISHED, made_by, read_run_path, run_path
 from tstar_rl.seeds import evaluation_seed
 from tstar_rl.shipped.chain import ShippedChain
 
@@ -82,6 +82,7 @@ def main(config: DictConfig) -> None:
             recorder.write(results)
             env.close()
             film = False  # the first checkpoint's first mode alone
+    _forget_older(results / "evaluation.csv", config)
     note_evaluation(results, plain(config))  # first: a table whose world nobody noted would pass for any
     table = append_rows(results / "evaluation.csv", rows, ("checkpoint", "mode", "seed"))
     print(table.round(3).to_string(index=False))
@@ -89,6 +90,12 @@ def main(config: DictConfig) -> None:
     for policy in policies.values():
         if isinstance(policy, ShippedChain):
             print(*(policy.compare(row, plain(config)["env"]) for row in rows), sep="\n")
+
+
+def _forget_older(table: Path, config: DictConfig) -> None:
+    """Deletes a table of an earlier training, whose rows would stand beside the new ones."""
+    if table.is_file() and config.pretrained is None and ended_since(table, evaluated_runs(config)):
+        table.unlink()
 
 
 def _step(recorder: Recorder, bar: tqdm, tensordict: TensorDictBase) -> None:
@@ -189,7 +196,7 @@ def _spent(config: DictConfig, begun_with: str, folders: list[Path], chain: bool
     if chain:
         task, seed = config.task.name, config.seed
         runs |= {run_path(config.runs_dir, task, begun_with, seed, i) for i in range(len(folders))}
-    files = [run / "finished.json" for run in runs]
+    files = [run / FINISHED for run in runs]
     if not all(file.is_file() for file in files):
         return dict.fromkeys(SPENT, math.nan)
     spent = [json.loads(file.read_text()) for file in files]

@@ -39,7 +39,7 @@ def main(config: DictConfig) -> None:
     table = append_rows(
         place / "exchanged.csv",
         [chain | row for row in rows],
-        ("system", "seed", "checkpoint", "subtask", "handed_by", "taken_by"),
+        ("system", "seed", "checkpoint"),
     )
     print(table.round(3).to_string(index=False))
     shown = table[table["checkpoint"] == config.checkpoint]

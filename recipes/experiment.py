@@ -80,9 +80,7 @@ def main(config: DictConfig) -> None:
         if not done:
             run_until(end, step, line=line, code=root)
 
-    for commit, step in itertools.chain(*lanes[:1]):  # a mistake in an arm is told before any is trained
-        with nullcontext() if commit is None else configs_of(code[commit]):
-            step_config(without_bonus(step))
+    _check(lanes, code)
     over = False
     try:
         run_side_by_side(lanes, (), config.processes, run)
@@ -96,6 +94,17 @@ def main(config: DictConfig) -> None:
     if over:
         print("The time is over; the same command goes on.")
         raise SystemExit(MORE)
+
+
+def _check(lanes: list[list[Planned]], code: dict[str, Path]) -> None:
+    """Tells a mistake in an arm before any is trained; of steps that differ in their seed alone, one is looked at."""
+    kinds = {
+        (commit, *(value for value in step[1:] if not value.startswith("seed=")), step[0]): (commit, step)
+        for commit, step in reversed(list(itertools.chain(*lanes)))
+    }
+    for commit, step in kinds.values():
+        with nullcontext() if commit is None else configs_of(code[commit]):
+            step_config(without_bonus(step))
 
 
 def _lanes(config: DictConfig, declared: DeclaredExperiment, published: Path) -> list[list[Planned]]:

@@ -3,7 +3,7 @@
     python recipes/hand_over.py task=table_lack seed=0            # systems=[tstar]: one of the chains
 
 Fresh deterministic episodes. The chain is followed skill by skill: the states in which one succeeds are the next one's
-starts, each of them once ("handed" of them). Rows of one seed replace those of the same seed in
+starts, each of them once ("handed" of them). Rows replace those of the same chain in
 <results_dir>/<task>/hand_over.csv; the picture beside it shows the mean over all seeds.
 """
 
@@ -35,7 +35,7 @@ def main(config: DictConfig) -> None:
     chains = {system: chain_of(config, system) for system in config.systems}  # before any is measured
     rows = [row for system, skills in chains.items() for row in _follow(config, system, skills)]
     path = Path(config.results_dir) / config.task.name / "hand_over.csv"
-    table = append_rows(path, rows, ("system", "seed", "checkpoint", "subtask"))
+    table = append_rows(path, rows, ("system", "seed", "checkpoint"))
     print(table.round(3).to_string(index=False))
     chosen = table[table.checkpoint == config.checkpoint]
     print(save_figure(hand_over_matrix(chosen), path.with_suffix(".png")))

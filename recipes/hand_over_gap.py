@@ -42,7 +42,13 @@ from tstar_rl.runs.csv_tables import append_rows
 from tstar_rl.seams.exchange import run_from
 from tstar_rl.seams.influence import Influence, influence_of
 from tstar_rl.seams.two_sides import two_sides
-from tstar_rl.seams.what_decides import input_groups, input_names, one_sided, strongest_input, what_decides
+from tstar_rl.seams.what_decides import (
+    input_groups,
+    input_names,
+    one_sided_states,
+    strongest_input,
+    what_decides,
+)
 from tstar_rl.seeds import evaluation_seed
 
 
@@ -71,8 +77,8 @@ def main(config: DictConfig) -> None:
         progress, _ = _run_chain(config, skills)
         rows.append(chain | {"floor": floor, "raised_inputs": raised} | _row(config, own, progress))
     key = ("system", "seed", "checkpoint")
-    print(append_rows(place / "hand_over_gap.csv", rows, (*key, "floor")).round(3).to_string(index=False))
-    table = append_rows(place / "seams.csv", lines, (*key, "subtask"))
+    print(append_rows(place / "hand_over_gap.csv", rows, key).round(3).to_string(index=False))
+    table = append_rows(place / "seams.csv", lines, key)
     print(table.round(3).to_string(index=False))
     shown = table[table["checkpoint"] == config.checkpoint]
     print(save_figure(sides_figure(shown), place / "seams.png"))
@@ -127,7 +133,7 @@ def _seam_row(
     names = input_names(parts)
     row["strongest"], row["strongest_area"] = strongest_input(seam.observations, won, names)
     row["split_by"] = by = split_by or row["strongest"]
-    states = one_sided(seam.observations.float().cpu())  # the numbers whose area is strongest_area
+    states = one_sided_states(seam.observations)  # the numbers whose area is strongest_area
     values = states[:, names.index(by)] if by else states[:0, 0]
     row |= two_sides(values, won.cpu())._asdict()
     known = influence or Influence(0, math.nan, math.nan)

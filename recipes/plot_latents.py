@@ -8,6 +8,7 @@ from omegaconf import DictConfig
 
 from tstar_rl.config.build import environment, load_demonstrations
 from tstar_rl.config.load import recipe
+from tstar_rl.runs.csv_tables import write_table
 from tstar_rl.runs.run_folder import run_path
 from tstar_rl.seeds import derive_seed
 from tstar_rl.spirl import SpirlAgent
@@ -27,8 +28,7 @@ def main(config: DictConfig) -> None:
     env = environment(config, config.subtask, config.states * config.draws, seed)
     paths = play_latents(agent, env, expert, rows)
     results = run_path(config.results_dir, *place)
-    results.mkdir(parents=True, exist_ok=True)
-    paths.to_csv(results / "latents.csv", index=False)
+    write_table(results / "latents.csv", paths)
     print(draw_latents(paths, results / "latents.png"))
 
 

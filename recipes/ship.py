@@ -19,7 +19,7 @@ from tstar_rl.checks import MissingFileError
 from tstar_rl.config.load import recipe
 from tstar_rl.config.recovery import refuse_recovery
 from tstar_rl.config.values import plain
-from tstar_rl.launch.steps import chosen_scale, evaluated_runs, run_folder
+from tstar_rl.launch.steps import chosen_scale, ended_since, evaluated_runs, run_folder
 from tstar_rl.runs.mismatch import CheckpointMismatchError, differences
 from tstar_rl.runs.run_config import read_config
 from tstar_rl.runs.run_folder import made_by
@@ -84,6 +84,10 @@ def _figures_of(results: Path, config: DictConfig) -> dict[str, dict[str, float]
         )
     shares = [name for name in rows if name.startswith("subtask_")]
     columns = [*FIGURES, *shares, *(name for name in ("env_steps", "minutes") if name in rows)]
+    if ended_since(file, evaluated_runs(config)):
+        raise CheckpointMismatchError(
+            f"{file} is of an earlier training: evaluate this one first, python recipes/evaluate.py {asked}"
+        )
     kept = rows[columns].astype(object).where(rows[columns].notna(), None)
     return kept.to_dict("index")
 

@@ -11,24 +11,18 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from tstar_rl.analysis import add_plane, read_terminal_states, save_figure, spread, terminal_state_plane
-from tstar_rl.checks import MissingFileError
 from tstar_rl.config.load import recipe
+from tstar_rl.runs.csv_tables import write_table
 
 
 @recipe("terminal_states", systems=tuple[str, ...])
 def main(config: DictConfig) -> None:
     """Reads, draws and prints."""
     table = read_terminal_states(config.results_dir, config.task.name, config.systems)
-    if table.empty:
-        place = f"{config.results_dir}/{config.task.name}"
-        raise MissingFileError(
-            f"no terminal_states.csv of {', '.join(config.systems)} below {place}: "
-            "train them first (recipes/tstar.py, recipes/policy_sequencing.py), with chain.logged_states above 0"
-        )
     table, shares = add_plane(table)
     place = Path(config.results_dir) / config.task.name
     numbers = spread(table)
-    numbers.to_csv(place / "terminal_states_spread.csv", index=False)
+    write_table(place / "terminal_states_spread.csv", numbers)
     print(numbers.to_string(index=False))
     print(save_figure(terminal_state_plane(table, shares), place / "terminal_states.png"))
 

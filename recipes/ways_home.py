@@ -2,13 +2,10 @@
 
     python recipes/ways_home.py task=table_lack system=recover seed=0
 
-`part` is what the skill moves, `target` what it is joined to. Fresh deterministic episodes; rows of one system and seed
-replace those of the same in <results_dir>/<task>/ways_home.csv (columns: tstar_rl/seams/ways_home.py).
+`part` is what the skill moves, `target` what it is joined to. Fresh deterministic episodes of the last
+checkpoint; the table is ways_home.csv, beside the run's evaluation (columns: tstar_rl/seams/ways_home.py).
 """
 
-from pathlib import Path
-
-import pandas as pd
 import torch
 from omegaconf import DictConfig
 from torchrl.envs import ExplorationType, set_exploration_type
@@ -17,24 +14,25 @@ from tstar_rl.chaining.chain import chain_folders, load_chain
 from tstar_rl.chaining.recovery import RecoveringChain
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.build import environment
+from tstar_rl.config.chain import check_links
 from tstar_rl.config.load import recipe
 from tstar_rl.config.recovery import chain_policy
 from tstar_rl.env.task_tables import subtask_geometry
-from tstar_rl.launch.steps import check_chain
+from tstar_rl.launch.steps import check_chain, run_folder
 from tstar_rl.rollouts.episodes import run_episodes
-from tstar_rl.runs.csv_tables import append_rows
-from tstar_rl.runs.run_folder import run_path
+from tstar_rl.runs.csv_tables import write_table
 from tstar_rl.seams.ways_home import WaysHome
 from tstar_rl.seeds import evaluation_seed
 
 
-@recipe("ways_home", checkpoint=str)
+@recipe("ways_home")
 def main(config: DictConfig) -> None:
     """Runs the chain and writes its table; prints the shares that succeeded."""
     check_chain(config, config.system)
-    task, place = config.task.name, run_path(config.runs_dir, config.task.name, config.system, config.seed)
-    skills = load_chain(place / config.checkpoint, task=task)
-    policy = chain_policy(config, skills, chain_folders(place / config.checkpoint)).to(config.device)
+    task, place = config.task.name, run_folder(config, "runs_dir") / "last"
+    skills = load_chain(place, task=task)
+    check_links(config, len(skills))
+    policy = chain_policy(config, skills, chain_folders(place)).to(config.device)
     if not isinstance(policy, RecoveringChain):
         raise InvalidValueError(f"{place} is a chain without recovery: its arm never goes home")
     subtasks = [subtask_geometry(task, index) for index in range(len(skills))]
@@ -49,15 +47,11 @@ def main(config: DictConfig) -> None:
     with set_exploration_type(ExplorationType.DETERMINISTIC):
         run_episodes(env, policy, watch, enough=len(skills))
     env.close()
-    rows = [{"system": config.system, "seed": config.seed, **way} for way in watch.found]
-    if not rows:
-        print(f"the arm never went home in {episodes} episodes")
-        return
-    path = Path(config.results_dir) / task / "ways_home.csv"
-    append_rows(path, rows, ("system", "seed"))
-    mine = pd.DataFrame(rows)
-    attempts = mine.succeeded.groupby([mine.skill, mine.way.clip(upper=1).map({0: "first", 1: "later"})])
-    print(attempts.agg(["size", "mean"]).round(2).to_string())
+    table = watch.table()
+    path = run_folder(config, "results_dir") / "ways_home.csv"
+    write_table(path, table)
+    which = table.way.clip(upper=1).map({0: "first", 1: "later"})
+    print(table.succeeded.groupby([table.skill, which]).agg(["size", "mean"]).round(2).to_string())
     print(path)
 
 

@@ -1,9 +1,15 @@
 """Mistakes in contents.yaml, which says what the page shows."""
 
+from pathlib import Path
+
 import pytest
+import yaml
 from published_runs import contents
 
 from tstar_rl.analysis.page.contents import read_contents
+from tstar_rl.config.values import CONFIGS
+
+PUBLISHED = Path(__file__).resolve().parents[2] / "results" / "published"
 
 
 @pytest.mark.parametrize(
@@ -40,3 +46,21 @@ def test_no_published_experiment_is_forgotten(published):
     (published / "odd" / "README.md").unlink()
     with pytest.raises(FileNotFoundError, match="README.md gives an experiment's title"):
         read_contents(published)
+
+
+def test_every_arm_and_task_that_the_contents_name_is_published_or_declared():
+    files = (CONFIGS / "experiment").glob("*.yaml")
+    declared = {
+        file.stem: [arm["name"] for arm in yaml.safe_load(file.read_text())["arms"]] for file in files
+    }
+    named = 0
+    for entry in read_contents(PUBLISHED).experiments:
+        runs = list(entry.folder.glob("*/*/seed*"))
+        arms = {run.parts[-2] for run in runs} | set(declared.get(entry.folder.name, ()))
+        tasks = {run.parts[-3] for run in runs}
+        pairs = [*entry.pairs, *entry.choices.values(), *(asked.pair for asked in entry.task_questions)]
+        asked = {*(arm for pair in pairs for arm in pair), *entry.no_gap, *entry.figure_arms, *entry.arms}
+        assert asked <= arms, (entry.folder.name, sorted(asked - arms))
+        assert set(entry.sections or ()) <= tasks, entry.folder.name
+        named += len(asked)
+    assert named > 50

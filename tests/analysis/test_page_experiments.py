@@ -219,6 +219,26 @@ def test_the_readme_has_what_the_notes_begin_with_and_its_tables(published):
     assert "| buffer starts, every turn kept |" in head
 
 
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        ("<!-- tables: odd -->", "comment that is no table: <!-- tables: odd -->"),
+        ("<!-- table: odd: tstar-x -->", "comment that is no table"),
+        ("<!-- comparisons: odd: tstar -->", "comparisons are of all arms"),
+        ("<!-- choices: odd -->", "<!-- choices: odd -->: there is nothing to show"),
+    ],
+)
+def test_what_the_notes_ask_for_is_shown_or_refused(published, asked, message):
+    with pytest.raises(ValueError, match=message):
+        results_head(published, THEIRS, asked)
+
+
+def test_the_page_lists_what_was_found(published):
+    notes = "<!-- findings -->\n\n### 1. It is `so`: yes.\n\nText.\n\n### 2. Not that.\n\n## More\n"
+    page = results_page(published, THEIRS, notes)
+    assert "- [1. It is `so`: yes.](#1-it-is-so-yes)\n- [2. Not that.](#2-not-that)\n\n### 1. It is" in page
+
+
 def test_a_table_has_the_arms_that_the_notes_name(published):
     head = results_head(published, THEIRS, "<!-- table: odd: tstar -->")
     assert "| T-STAR | 0.625" in head and "buffer" not in head

@@ -9,11 +9,11 @@ import pytest
 from tstar_rl.analysis import hand_over_matrix, read_calibration, reliability_figure, terminal_state_plane
 from tstar_rl.analysis.terminal_states import (
     add_plane,
-    one_sided,
     principal_plane,
     read_terminal_states,
     spread,
 )
+from tstar_rl.checks import MissingFileError
 
 POSE = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
 
@@ -29,13 +29,6 @@ def write(folder, system: str, rows: list[tuple[int, float]], task: str = "table
     table.to_csv(place / "terminal_states.csv", index=False)
 
 
-def test_a_quaternion_and_its_negative_are_one_turn():
-    half = np.array([POSE, POSE, POSE, [0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0]])
-    sided = one_sided(half)
-    assert np.abs(sided[:, 3]).tolist() == [1.0] * 4
-    assert len(set(sided[:, 3].tolist())) == 1
-
-
 def test_the_plane_of_points_on_two_axes():
     # Twice as far along the first axis: variances 4 and 1, shares 0.8 and 0.2.
     points = np.array([[2.0, 0, 0], [-2.0, 0, 0], [0, 1.0, 0], [0, -1.0, 0]])
@@ -49,7 +42,7 @@ def test_spread_in_each_third_by_hand(tmp_path):
     rows = [(10, -1.0), (20, 1.0), (30, -2.0), (30, 2.0), (40, 5.0)]
     write(tmp_path, "tstar", rows)
     write(tmp_path, "policy_sequencing", [(10, 0.0), (20, 0.0), (20, 0.0)])
-    table = read_terminal_states(tmp_path, "table", ["tstar", "policy_sequencing", "none"])
+    table = read_terminal_states(tmp_path, "table", ["tstar", "policy_sequencing"])
     assert table[table.system == "tstar"].progress.tolist() == pytest.approx([0, 1 / 3, 2 / 3, 2 / 3, 1])
     table, shares = add_plane(table)
     numbers = spread(table).set_index(["system", "third"])
@@ -62,6 +55,14 @@ def test_spread_in_each_third_by_hand(tmp_path):
     assert [axes.get_title() for axes in panels[:2]] == ["tstar", "policy sequencing"]
     drawn = [np.asarray(axes.collections[0].get_offsets()) for axes in panels[:2]]
     np.testing.assert_allclose(np.concatenate(drawn), table[["x", "y"]])
+
+
+def test_systems_without_a_log_are_named(tmp_path):
+    write(tmp_path, "tstar", [(0, 0.0)])
+    with pytest.raises(
+        MissingFileError, match="no terminal_states.csv of none, other below .*table: train them first"
+    ):
+        read_terminal_states(tmp_path, "table", ["none", "tstar", "other"])
 
 
 def test_too_few_states_are_refused():

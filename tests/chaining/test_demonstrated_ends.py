@@ -9,6 +9,7 @@ from tensordict import TensorDict
 
 from tstar_rl.chaining.chain import load_chain
 from tstar_rl.chaining.turns import Turn
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.config import chain, load
 from tstar_rl.config.values import CONFIGS
 from tstar_rl.demonstrations.data_set import Demonstrations
@@ -120,6 +121,12 @@ def test_the_critic_of_a_clone_warms_up_for_as_many_steps_as_in_a_first_training
         config = compose("recipe/in_order", [f"scale={scale}"])
     steps = config.chain.horizon * config.chain.ppo.critic_warmup
     assert steps == config.training.horizon * config.ppo.critic_warmup > 0
+
+
+def test_turns_in_which_no_policy_would_be_trained_are_refused(asked):
+    """A turn of a rollout, and one round."""
+    with pytest.raises(InvalidValueError, match="1 turns of a skill have 1 rollouts, .* from the first 1"):
+        asked("in_order", "chain.ppo.critic_warmup=1")
 
 
 @pytest.mark.parametrize(("recipe", "learns"), [("in_order", True), ("in_order_cloned", False)])

@@ -108,3 +108,26 @@ def test_what_is_published_is_not_run_again(queue, tmp_path):
 def test_what_every_lane_would_stumble_over_is_told_before_the_first_step(queue, values, message):
     with pytest.raises(SystemExit, match=message):
         queue(*values, takes=lambda step: pytest.fail(f"ran {step}"))
+
+
+def test_a_mistake_is_told_before_the_first_step_whichever_lane_it_is_in(queue, monkeypatch, capsys):
+    """With unpublished=true the first lanes can be empty, or have some arms alone."""
+    import experiment
+
+    lanes = [[], [(None, ("tstar", "seed=1")), (None, ("tstar", "seed=2", "nonsense=1"))]]
+    monkeypatch.setattr(experiment, "_lanes", lambda *_: lanes)
+    with pytest.raises(SystemExit):
+        queue(takes=lambda step: pytest.fail(f"ran {step}"))
+    assert "Key 'nonsense' is not in struct" in capsys.readouterr().err
+
+
+def test_steps_that_differ_in_their_seed_are_looked_at_once(queue, monkeypatch):
+    import experiment
+
+    looked = []
+    monkeypatch.setattr(experiment, "step_config", lambda step: looked.append(step))
+    lanes = [
+        [(None, (name, f"seed={seed}", "subtask=0")) for name in ("gail_ppo", "ppo")] for seed in range(3)
+    ]
+    experiment._check(lanes, {})
+    assert sorted(step[0] for step in looked) == ["gail_ppo", "ppo"]

@@ -44,7 +44,7 @@ def watched(*steps: dict) -> list[dict]:
         row["observation"] = observation
         row["next"] = TensorDict({"completed": torch.tensor([[step.get("completed", step["skill"])]])}, [1])
         watch(row)
-    return watch.found
+    return watch.table().to_dict("records")
 
 
 def test_how_far_the_skills_part_has_moved_since_the_skill_took_over():
@@ -81,15 +81,17 @@ def test_the_recipe_writes_a_row_for_each_way_home(point_chain, tmp_path, capsys
     assert sawyer.HOME_QPOS[1] < 0
     point_chain("recover", "chain.seed_episodes=64", "recovery.at_most=1")
     measure(tmp_path, "evaluation.whole_episodes=32")
-    table = pd.read_csv(tmp_path / "results/table_lack/ways_home.csv")
+    table = pd.read_csv(tmp_path / "results/table_lack/recover/seed0/ways_home.csv")
     assert table.way.tolist() == [0] * 32 and table.succeeded.tolist() == [0] * 32
-    assert set(table.system) == {"recover"} and set(table.skill) == {1}
+    assert set(table.skill) == {1}
     assert "ways_home.csv" in capsys.readouterr().out
 
 
 def test_a_chain_without_recovery_is_refused(point_chain, tmp_path):
     point_chain("policy_sequencing")
-    with pytest.raises(InvalidValueError, match="seed0 is a chain without recovery: its arm never goes home"):
+    with pytest.raises(
+        InvalidValueError, match="seed0/last is a chain without recovery: its arm never goes home"
+    ):
         measure(tmp_path, "system=policy_sequencing", "scale=laptop")
 
 

@@ -10,6 +10,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from tstar_rl.checks import MissingFileError
+from tstar_rl.seams.one_sided import one_sided
+
 __all__ = ["add_plane", "pose_columns", "read_terminal_states", "spread"]
 
 THIRDS = 3
@@ -26,29 +29,25 @@ def read_terminal_states(root: str | Path, task: str, systems: Iterable[str]) ->
     """Every terminal_states.csv of a task's systems, with system, seed, and the progress of training in [0, 1] added.
 
     Training counts from the first to the last rollout that was logged, in each run.
+
+    Raises:
+        MissingFileError: for systems that have none.
     """
-    frames = []
-    for system in systems:
-        for file in sorted((Path(root) / task / system).glob("seed*/terminal_states.csv")):
+    root, frames = Path(root) / task, []
+    files = {system: sorted((root / system).glob("seed*/terminal_states.csv")) for system in systems}
+    if without := [system for system, found in files.items() if not found]:
+        raise MissingFileError(
+            f"no terminal_states.csv of {', '.join(without)} below {root}: train them first (recipes/<system>.py), "
+            "with chain.logged_states above 0"
+        )
+    for system, found in files.items():
+        for file in found:
             rows = pd.read_csv(file)
             steps = rows["env_steps"]
             progress = (steps - steps.min()) / max(steps.max() - steps.min(), 1)
             seed = int(file.parent.name.removeprefix("seed"))
             frames.append(rows.assign(system=system, seed=seed, progress=progress))
-    return pd.concat(frames, ignore_index=True) if frames else pd.DataFrame()
-
-
-def one_sided(poses: Array) -> Array:
-    """Poses (n, 7 P) with each quaternion q or -q, whichever is nearer the main axis of its part's quaternions.
-
-    Both are the same turn; without a choice, a part that is turned by half a circle would seem to spread.
-    """
-    parts = poses.reshape(len(poses), -1, 7).copy()
-    for part in range(parts.shape[1]):
-        quaternions = parts[:, part, 3:]
-        axis = np.linalg.eigh(quaternions.T @ quaternions).eigenvectors[:, -1]
-        parts[:, part, 3:] = quaternions * np.where(quaternions @ axis < 0, -1.0, 1.0)[:, None]
-    return parts.reshape(len(poses), -1)
+    return pd.concat(frames, ignore_index=True)
 
 
 def principal_plane(poses: Array) -> tuple[Array, Array]:

@@ -80,7 +80,7 @@ class Training:
     @property
     def progress(self) -> float:
         """The share of the run's steps that has been collected, in [0, 1]."""
-        return self.steps / self.run.total
+        return min(self.steps / self.run.total, 1.0)  # the last rollout may end beyond
 
     def discriminator_update(
         self, name: str, skill: Skill, settings: DiscriminatorSettings, **labels: float

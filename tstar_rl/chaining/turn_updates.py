@@ -104,7 +104,18 @@ class TurnUpdates(Training):
         return {place for place, update in self.taught.items() if update.has_learned}
 
     def policy_update(self) -> PolicyUpdate:
-        """See `Training`; where a chain carries over, that of the skill's last turn goes on."""
+        """See `Training`; where a chain carries over, that of the skill's last turn goes on.
+
+        Raises:
+            InvalidValueError: the critic alone would learn in all turns of a skill.
+        """
+        rollouts = self.chain.settings.rounds * self.chain.rollouts
+        if rollouts <= (warm_up := self.settings.ppo.critic_warmup):
+            raise InvalidValueError(
+                f"no policy would be trained: {self.chain.settings.rounds} turns of a skill have {rollouts} rollouts, "
+                f"and its critic alone learns from the first {warm_up}. Lower chain.ppo.critic_warmup, or raise "
+                "chain.steps_per_turn"
+            )
         return self.kept.get("update_policy") or super().policy_update()
 
     def _known(self, name: str, skill: Skill) -> Any:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from tstar_rl.checks import InvalidValueError, MissingFileError, did_you_mean
 from tstar_rl.launch.side_by_side import Step, mean_bonus
-from tstar_rl.runs.run_folder import UNTRAINED, run_path
+from tstar_rl.runs.run_folder import FINISHED, UNTRAINED, run_path
 
 __all__ = ["BONUS", "Arm", "DeclaredExperiment", "with_bonus", "without_bonus"]
 
@@ -235,7 +235,7 @@ def with_bonus(
         if value.startswith(BONUS):
             place = (task, value.removeprefix(BONUS), seed)
             table = run_path(results, *place) / "metrics.csv"
-            if not (run_path(runs, *place) / "finished.json").is_file():
+            if not (run_path(runs, *place) / FINISHED).is_file():
                 kept = None if published is None else run_path(published, *place) / "metrics.csv"
                 if kept is not None and kept.is_file():
                     table = kept

@@ -30,12 +30,13 @@ from tstar_rl.runs.mismatch import (
     differences,
 )
 from tstar_rl.runs.run_config import read_config
-from tstar_rl.runs.run_folder import is_untrained, run_path
+from tstar_rl.runs.run_folder import FINISHED, is_untrained, run_path
 
 __all__ = [
     "check_chain",
     "check_evaluation",
     "chosen_scale",
+    "ended_since",
     "evaluated_runs",
     "is_done",
     "missing",
@@ -127,7 +128,7 @@ def step_files(step: Step, config: DictConfig) -> list[Path]:
         return [demonstrations_path(config, *each) for each in product(demonstrated(config), config.kinds)]
     if step[0] == "evaluate":
         return [run_folder(config, "results_dir") / "evaluation.csv"]
-    return [run_folder(config, "runs_dir") / "finished.json"]
+    return [run_folder(config, "runs_dir") / FINISHED]
 
 
 def run_folder(config: DictConfig, root: str) -> Path:
@@ -197,14 +198,18 @@ def begun_with(results: Path, config: DictConfig) -> tuple[str, str]:
     return found["skills"], found["from_checkpoint"]
 
 
+def ended_since(table: Path, runs: Sequence[Path]) -> bool:
+    """Whether one of these runs has ended after a table that is there was written: it is of an earlier training."""
+    ends = [run / FINISHED for run in runs]
+    return any(end.is_file() and end.stat().st_mtime_ns > table.stat().st_mtime_ns for end in ends)
+
+
 def _is_evaluated(config: DictConfig) -> bool:
     """Whether a table that is there is complete, and not older than the end of any run that it is of."""
     results, runs = run_folder(config, "results_dir"), evaluated_runs(config)
     check_evaluation(results, plain(config))
     file = results / "evaluation.csv"
-    ends = [run / "finished.json" for run in runs]
-    written = file.stat().st_mtime_ns
-    if not all(end.is_file() and end.stat().st_mtime_ns <= written for end in ends):
+    if not all((run / FINISHED).is_file() for run in runs) or ended_since(file, runs):
         return False
     table, evaluation = pd.read_csv(file), config.evaluation
     number = evaluation.whole_episodes if config.subtask is None else evaluation.episodes

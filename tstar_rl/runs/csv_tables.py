@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tstar_rl.checks import UserError
 from tstar_rl.runs.files import append_text, replacing, turn_to_write
 
-__all__ = ["LogError", "MetricsLog", "append_rows", "read_table"]
+__all__ = ["LogError", "MetricsLog", "append_rows", "read_table", "write_table"]
 
 
 class LogError(UserError, ValueError):
@@ -42,7 +42,7 @@ class MetricsLog:
     """A CSV file that grows by rows.
 
     Args:
-        path: of the file. What is there is kept until `truncate`.
+        path: of the file. `truncate` goes on with what is there; without it the first row replaces that.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -90,6 +90,11 @@ class MetricsLog:
             found = f"has {len(lines) - 1} rows" if lines else "is missing"
             raise LogError(f"{self.path} {found}, but its checkpoint counts {rows}: put the table back")
         return lines
+
+
+def write_table(path: str | Path, table: pd.DataFrame) -> None:
+    """Writes a CSV table, all of it or nothing, in the place of what is there."""
+    _replace(Path(path), table.to_csv(index=False))
 
 
 def append_rows(path: str | Path, rows: list[dict[str, Any]], key: tuple[str, ...]) -> pd.DataFrame:

@@ -22,7 +22,7 @@ from tstar_rl.runs.csv_tables import LogError, MetricsLog
 from tstar_rl.runs.files import put_back, replacing
 from tstar_rl.runs.mismatch import MACHINE_ONLY, CheckpointMismatchError, as_begun, check_config
 from tstar_rl.runs.run_config import note_resumed, note_section, read_config, write_config
-from tstar_rl.runs.run_folder import SAVED, run_path
+from tstar_rl.runs.run_folder import FINISHED, SAVED, run_path
 
 __all__ = ["Run"]
 
@@ -105,7 +105,7 @@ class Run:
         for name in ("best", "last"):
             put_back(self.work / name)
         found = checkpoint.latest(self.work / "checkpoints") if self.config["resume"] else None
-        finished = self.work / "finished.json"
+        finished = self.work / FINISHED
         if found is None:
             if self.config["resume"] and finished.is_file():
                 self._check_same()
@@ -136,7 +136,7 @@ class Run:
 
     def _stop_if_done(self, changed: Sequence[str] = ()) -> None:
         """Raises NothingToDo if the run has finished, and what it has trained is there, unless it is to go on."""
-        if not changed and (self.work / "finished.json").is_file() and (self.work / "last").is_dir():
+        if not changed and (self.work / FINISHED).is_file() and (self.work / "last").is_dir():
             raise NothingToDo(f"{self.work} has finished: nothing to do (resume=false starts over)")
 
     def _check_same(self) -> None:
@@ -250,7 +250,7 @@ class Run:
     def finish(self) -> None:
         """Closes the bar, notes that the run is complete, gives its folder back, and says where it and its log lie."""
         self.bar.close()
-        with replacing(self.work / "finished.json") as partial:
+        with replacing(self.work / FINISHED) as partial:
             partial.write_text(json.dumps({"env_steps": self.env_steps, "minutes": self.seconds / 60}))
         lock.release(self.work)
         lock.release(self.results)

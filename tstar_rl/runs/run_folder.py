@@ -7,6 +7,7 @@ from typing import NamedTuple
 from tstar_rl.checks import InvalidValueError, did_you_mean
 
 __all__ = [
+    "FINISHED",
     "RECIPES",
     "SAVED",
     "UNTRAINED",
@@ -23,6 +24,9 @@ UNTRAINED = "no_finetuning"
 RECIPES = Path(__file__).resolve().parents[2] / "recipes"
 """Of a clone; where the package is installed there is no such folder."""
 
+
+FINISHED = "finished.json"
+"""What a run writes when it ends: its steps and minutes."""
 
 SAVED = ("last", "best", "prior")
 """Names under which a run keeps what it has trained; "prior" is SPiRL's."""

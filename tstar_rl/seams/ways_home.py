@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import pandas as pd
 import torch
 from tensordict import TensorDictBase
 from torch import Tensor
@@ -20,17 +21,11 @@ class WaysHome:
         policy: the chain.
         parts: by the name of a column, a part of each subtask, by its place in the observation: the one that it moves,
             say.
-
-    Attributes:
-        found: a row for each way home, in the order in which they began: skill; way, how often the arm had gone home
-            before since the skill took over; step of the episode; <name>_moved (m) and <name>_turned (degrees), the
-            distance and angle of a part between where it was when the skill took over and when the arm set out;
-            succeeded, whether the skill did before it was sent home again.
     """
 
     def __init__(self, policy: RecoveringChain, parts: Mapping[str, Sequence[int]]) -> None:
         self.policy, self.parts = policy, parts
-        self.found: list[dict[str, Any]] = []
+        self._found: list[dict[str, Any]] = []
         self._open: dict[int, dict[str, Any]] = {}
         self._skill: Tensor | None = None
 
@@ -51,13 +46,23 @@ class WaysHome:
                 part = of_skill[way["skill"]]
                 way |= _apart(name, self._at_hand_over[row, part], poses[row, part])
             way["succeeded"] = 0
-            self.found.append(way)
+            self._found.append(way)
             self._open[row] = way
             self._ways[row] += 1
         advanced = tensordict["next", "completed"] > tensordict["completed"]
         for row in (advanced.squeeze(-1).cpu() & ~done).nonzero().squeeze(-1).tolist():
             self._open.pop(row, {})["succeeded"] = 1
         self._skill, self._homings = skill.clone(), homings.clone()
+
+    def table(self) -> pd.DataFrame:
+        """A row for each way home, in the order in which they began.
+
+        Columns: skill; way, how often the arm had gone home before since the skill took over; step of the episode;
+        <name>_moved (m) and <name>_turned (degrees), the distance and angle of a part between where it was when the
+        skill took over and when the arm set out; succeeded, whether the skill did before it was sent home again.
+        """
+        measured = [f"{name}_{what}" for name in self.parts for what in ("moved", "turned")]
+        return pd.DataFrame(self._found, columns=["skill", "way", "step", *measured, "succeeded"])
 
 
 def _apart(name: str, first: Tensor, second: Tensor) -> dict[str, float]:

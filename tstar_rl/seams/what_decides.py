@@ -15,8 +15,9 @@ from torch import Tensor, nn
 
 from tstar_rl.chaining.calibration import area_under_curve
 from tstar_rl.env.layout import NUM_PHASES, PARTS
+from tstar_rl.seams.one_sided import one_sided
 
-__all__ = ["Decision", "input_groups", "input_names", "one_sided", "strongest_input", "what_decides"]
+__all__ = ["Decision", "input_groups", "input_names", "one_sided_states", "strongest_input", "what_decides"]
 
 FOLDS, STEPS, MINIBATCH, RATE, DECAY = 4, 400, 128, 1e-3, 1e-2
 HIDDEN, NOISE, CLIP = 64, 0.1, 5.0
@@ -64,21 +65,17 @@ def input_names(parts: Sequence[str]) -> list[str]:
     return [f"{name} {axes.get(size, range(size))[i]}" for name, size in blocks for i in range(size)]
 
 
-def one_sided(observations: Tensor) -> Tensor:
-    """The same states (n, O), every part's quaternion on the side of that part's first one: q and -q are one turn."""
-    out = observations.clone()
-    if not len(out):
-        return out
-    for first in range(PARTS + 3, out.shape[-1] - NUM_PHASES, 7):
-        quats = out[:, first : first + 4]
-        out[:, first : first + 4] = torch.where((quats @ quats[0] < 0).unsqueeze(-1), -quats, quats)
+def one_sided_states(observations: Tensor) -> Tensor:
+    """The same states (n, O) on the processor, float32, each part's quaternions on one side (`one_sided`)."""
+    out = observations.float().cpu().clone()
+    out[:, PARTS:-NUM_PHASES] = torch.from_numpy(one_sided(out[:, PARTS:-NUM_PHASES].numpy()))
     return out
 
 
 def strongest_input(observations: Tensor, outcomes: Tensor, names: Sequence[str]) -> tuple[str, float]:
     """The one number that alone tells outcomes best, and its area under the curve: below .5, less of it succeeds.
 
-    The numbers are those of `one_sided`.
+    The numbers are those of `one_sided_states`.
 
     Args:
         observations, outcomes: see `what_decides`, which has no say in this.
@@ -89,7 +86,7 @@ def strongest_input(observations: Tensor, outcomes: Tensor, names: Sequence[str]
     """
     if min(int(outcomes.sum()), int((~outcomes).sum())) < LEAST:
         return "", float("nan")
-    states = one_sided(observations.float().cpu())
+    states = one_sided_states(observations)
     areas = [area_under_curve(states[:, index], outcomes.cpu()) for index in range(len(names))]
     best = max(range(len(names)), key=lambda index: abs(areas[index] - 0.5))
     return names[best], areas[best]
@@ -110,7 +107,7 @@ def what_decides(
     if few:
         return Decision(float("nan"), dict.fromkeys(groups, float("nan")))
     generator = torch.Generator().manual_seed(seed)
-    inputs, outcomes = one_sided(observations.float().cpu()), outcomes.cpu()
+    inputs, outcomes = one_sided_states(observations), outcomes.cpu()
     fold = torch.randperm(len(inputs), generator=generator) % FOLDS
     shuffled = [torch.randperm(len(inputs), generator=generator) for _ in range(REPEATS)]
     scores = torch.zeros(len(inputs))

@@ -37,5 +37,7 @@ def _mean(values: pd.Series) -> str:
 
 def _seeds(rows: pd.DataFrame) -> str:
     """How many seeds the arms have, the fewest and the most."""
+    if rows.empty:
+        return NOTHING
     counts = rows.groupby("arm")["seed"].nunique()
     return from_to(int(counts.min()), int(counts.max()))

@@ -24,6 +24,7 @@ from tstar_rl.analysis.tables import read_metrics
 __all__ = ["replace_block", "results_head", "results_page"]
 
 BEGIN, END = "<!-- results: begin -->", "<!-- results: end -->"
+FINDINGS = "<!-- findings -->"
 WRITTEN = """\
 <!-- Written by recipes/report.py from results/published/, docs/paper_results.yaml and docs/results_notes.md. -->
 """
@@ -68,12 +69,19 @@ def results_page(root: str | Path, paper: Paper, notes: str) -> str:
     Args:
         root: of the published results, with contents.yaml.
         paper: docs/paper_results.yaml.
-        notes: what was found, in a person's words; the page leads with it.
+        notes: what was found, in a person's words; the page leads with it. `<!-- findings -->` becomes a list of links
+            to its numbered headings.
     """
     entries = read_contents(root).experiments
     found = [_experiment(entry, paper) for entry in entries]
-    said = _filled(notes, entries, paper)
+    said = _filled(notes.replace(FINDINGS, _findings(notes)), entries, paper)
     return "\n\n".join(part.strip() for part in ("# Results", WRITTEN, said, READING, *found)) + "\n"
+
+
+def _findings(notes: str) -> str:
+    """The headings of the numbered findings, `### 1. ...`, as links."""
+    headings = re.findall(r"^### (\d+\. .*)$", notes, flags=re.MULTILINE)
+    return "\n".join(f"- [{heading}](#{anchor(heading)})" for heading in headings)
 
 
 def _filled(notes: str, entries: Iterable[Entry], paper: Paper) -> str:
@@ -83,7 +91,8 @@ def _filled(notes: str, entries: Iterable[Entry], paper: Paper) -> str:
     `table` there are `comparisons`, `answers`, `choices`, and of several tasks `over all tasks`, each with all arms.
 
     Raises:
-        ValueError: for a folder that is no experiment, or an arm that it does not have.
+        ValueError: for a folder that is no experiment, an arm that it does not have, a table that would be empty, or a
+            comment that asks for nothing: it would not be seen.
     """
     experiments = {entry.folder.name: entry for entry in entries if entry.kind == "experiment"}
 
@@ -91,10 +100,12 @@ def _filled(notes: str, entries: Iterable[Entry], paper: Paper) -> str:
         kind, folder, arms = found.groups()
         if folder not in experiments:
             raise ValueError(f"{found[0]}: there is no such experiment; there are {', '.join(experiments)}")
+        if arms and kind != "table":
+            raise ValueError(f"{found[0]}: {kind} are of all arms")
         entry = experiments[folder]
         experiment, named = read_experiment(entry.folder), entry.named(paper)
         if kind == "over all tasks":
-            return short_over_tasks(experiment, named, entry).strip()
+            return _some(found[0], short_over_tasks(experiment, named, entry))
         written = {"comparisons": parts.comparison_table, "answers": parts.answers, "choices": choice_table}
         shown = {
             task: written[kind](experiment, named, entry, task)
@@ -103,10 +114,19 @@ def _filled(notes: str, entries: Iterable[Entry], paper: Paper) -> str:
             for task in experiment.tasks
         }
         several = len(experiment.tasks) > 1
-        return "\n".join(f"`{task}`:\n\n{text}" if several else text for task, text in shown.items()).strip()
+        filled = (f"`{task}`:\n\n{text}" if several else text for task, text in shown.items() if text)
+        return _some(found[0], "\n".join(filled))
 
     asked = r"<!-- (table|comparisons|answers|choices|over all tasks): ([^\s:]+)(?:: ([\w, ]+))? -->"
+    if left := re.findall("<!--.*", re.sub(asked, "", notes)):
+        raise ValueError(f"the notes have a comment that is no table: {left[0]}")
     return re.sub(asked, fill, notes)
+
+
+def _some(asked: str, text: str) -> str:
+    if not text.strip():
+        raise ValueError(f"{asked}: there is nothing to show")
+    return text.strip()
 
 
 def _experiment(entry: Entry, paper: Paper) -> str:
