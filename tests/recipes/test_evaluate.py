@@ -1,6 +1,7 @@
 """What `evaluate.py` evaluates and where its rows go."""
 
 import json
+import os
 from pathlib import Path
 
 import pandas as pd
@@ -165,6 +166,29 @@ def test_a_table_that_is_not_written_leaves_a_note_of_its_world(recipe, call, tm
         call("evaluate", f"path={tmp_path / 'runs' / place}", *values, module=recipe)
     config = yaml.safe_load((tmp_path / "results" / place / "config.yaml").read_text())
     assert config["env"]["max_steps"] == 5
+
+
+def test_rows_of_an_earlier_training_do_not_stand_beside_new_ones(recipe, call, tmp_path):
+    """A chain of skills as they are is no run, so nothing else deletes its table when its skills are trained anew."""
+    skill = Skill("table_lack", 2, NetworkSettings(hidden=(8,), std="fixed"))
+    place = Path("table_lack/mine/seed4/subtask2")
+    skill.save(tmp_path / "runs" / place / "last")
+    values = [
+        f"path={tmp_path / 'runs' / place}",
+        "evaluation.episodes=2",
+        "evaluation.recorded=0",
+        "+env.max_steps=5",
+    ]
+    values += [f"runs_dir={tmp_path / 'runs'}", f"results_dir={tmp_path / 'results'}"]
+    table = tmp_path / "results" / place / "evaluation.csv"
+    for mode in ("deterministic", "stochastic"):
+        call("evaluate", *values, f"modes=[{mode}]", module=recipe)
+    assert pd.read_csv(table)["mode"].tolist() == ["deterministic", "stochastic"]
+    ended = tmp_path / "runs" / place / "finished.json"
+    ended.write_text(json.dumps({"env_steps": 10, "minutes": 1}))
+    os.utime(ended, (later := table.stat().st_mtime + 10, later))
+    call("evaluate", *values, "modes=[stochastic]", module=recipe)
+    assert pd.read_csv(table)["mode"].tolist() == ["stochastic"]
 
 
 def test_a_shipped_chain_brings_its_task_seed_settings_and_episodes(recipe, call, tmp_path, capsys):

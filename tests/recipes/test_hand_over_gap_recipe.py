@@ -92,3 +92,10 @@ def test_the_sign_of_a_quaternion_is_no_side(split_by):
     assert (row["succeeded_below"], row["succeeded_above"]) == ((1.0, 0.0) if by_w else (0.0, 1.0))
     nobody = seam_row(HandOver(2, states[:0], turned[:0]), ("top", "leg"), None, split_by)
     assert math.isnan(nobody["split"])
+
+
+def test_rows_of_a_chain_are_replaced_with_those_of_all_its_floors(measure):
+    """Its skills may have been trained anew between the two calls."""
+    measure("floors=[0.01]", "influence_starts=0")
+    gaps, seams = measure("floors=[]", "influence_starts=0")
+    assert gaps.floor.tolist() == [0.0] and seams.subtask.tolist() == [1, 2, 3]

@@ -1,5 +1,6 @@
 """A trained chain becomes a small file that knows where it comes from."""
 
+import os
 import re
 from pathlib import Path
 
@@ -90,3 +91,11 @@ def test_a_chain_that_was_not_evaluated_is_refused(trained, say):
     assert re.search(said, say("ship", "scale=narrow", "seed=4"))
     (trained / "config.yaml").unlink()
     assert re.search("no config at .*config.yaml", say("ship", "scale=narrow", "seed=4"))
+
+
+def test_figures_of_an_earlier_training_are_refused(trained, say):
+    ended = Path("runs/table_lack/tstar/seed4/finished.json")
+    ended.write_text("{}")
+    os.utime(ended, (later := (trained / "evaluation.csv").stat().st_mtime + 10, later))
+    said = "evaluation.csv is of an earlier training: evaluate this one first, python recipes/evaluate.py system=tstar"
+    assert said in say("ship", "scale=narrow", "seed=4")
