@@ -32,7 +32,7 @@ class WaysHome:
     def __call__(self, tensordict: TensorDictBase) -> None:
         """tensordict: batch [N], as `run_episodes` hands it on."""
         skill, done = (tensordict[name].squeeze(-1).cpu() for name in ("subtask", "done"))
-        poses = tensordict["observation"][:, PARTS:-NUM_PHASES].unflatten(-1, (-1, 7)).cpu()
+        poses = tensordict["observation"].cpu()[:, PARTS:-NUM_PHASES].reshape(len(skill), -1, 7)
         homings = self.policy.homings.cpu()
         if self._skill is None:
             self._skill, self._at_hand_over = torch.full_like(skill, -1), poses.clone()
