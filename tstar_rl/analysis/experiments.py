@@ -5,9 +5,11 @@ beside them, as <skills>/seed<k>/subtask<i>/. A hand_over.csv below a task has w
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -158,20 +160,36 @@ def compare_arms(rows: pd.DataFrame, pairs: Iterable[Sequence[str]]) -> pd.DataF
         (probability that a seed of the first beats one of the second), improvement_low, improvement_high, won (on how
         many seeds the first has more than the second) and verdict.
     """
-    scores, lines = arm_scores(rows), []
+    scores, lines = {arm: _kept(seeds) for arm, seeds in arm_scores(rows).items()}, []
     for first, second in pairs:
-        one, other = scores.get(first, {}), scores.get(second, {})
-        if not set(one) & set(other):
-            continue
-        found = paired_difference(one, other, np.random.default_rng(SEED))
-        both = [[arm[seed] for seed in sorted(set(one) & set(other))] for arm in (one, other)]
-        better = improvement_interval(*both, np.random.default_rng(SEED))
-        line = {"first": first, "second": second, "seeds": found.seeds, "difference": found.value}
-        line |= {"low": found.low, "high": found.high, "t_half": found.t_half, "p_value": found.p_value}
-        line |= {"improvement": better.value, "improvement_low": better.low, "improvement_high": better.high}
-        line["won"] = int((seed_means(both[0]) > seed_means(both[1])).sum())
-        lines.append(line | {"verdict": found.verdict()})
+        line = _compare(scores.get(first, ()), scores.get(second, ()))
+        if line:
+            lines.append({"first": first, "second": second, **line})
     return pd.DataFrame(lines)
+
+
+Kept = tuple[tuple[int, bytes], ...]
+"""An arm's scores by seed, as what a cache can look up."""
+
+
+def _kept(seeds: Mapping[int, NDArray[np.floating]]) -> Kept:
+    return tuple((seed, scores.astype(float).tobytes()) for seed, scores in seeds.items())
+
+
+@cache
+def _compare(first: Kept, second: Kept) -> Mapping[str, Any]:
+    """A line of `compare_arms` without its names, none without a common seed. A page asks for each several times."""
+    one, other = ({seed: np.frombuffer(scores) for seed, scores in arm} for arm in (first, second))
+    if not set(one) & set(other):
+        return {}
+    found = paired_difference(one, other, np.random.default_rng(SEED))
+    both = [[arm[seed] for seed in sorted(set(one) & set(other))] for arm in (one, other)]
+    better = improvement_interval(*both, np.random.default_rng(SEED))
+    line = {"seeds": found.seeds, "difference": found.value}
+    line |= {"low": found.low, "high": found.high, "t_half": found.t_half, "p_value": found.p_value}
+    line |= {"improvement": better.value, "improvement_low": better.low, "improvement_high": better.high}
+    line["won"] = int((seed_means(both[0]) > seed_means(both[1])).sum())
+    return line | {"verdict": found.verdict()}
 
 
 def product_of_skills(own_success: Sequence[float]) -> float:

@@ -74,6 +74,14 @@ def _read(root: str | Path, name: str, commits: bool = False) -> pd.DataFrame:
     depths = ("*/*/seed*", "*/*/seed*/subtask*")
     files = [file for depth in depths for file in sorted(root.glob(f"{depth}/{name}"))]
     files += _of_arms_own_skills(root, name)
+    configs = [file.parent / "config.yaml" for file in files if commits]
+    known = tuple((file, _state(file)) for file in (*files, *filter(Path.is_file, configs)))
+    return _together(root, tuple(files), commits, known).copy()
+
+
+@cache
+def _together(root: Path, files: tuple[Path, ...], commits: bool, known: tuple[Any, ...]) -> pd.DataFrame:
+    """The rows of all files, as long as these and what names their commits are known to have one state."""
     frames = [_read_one(file, root) for file in files]
     if commits:
         frames = [
