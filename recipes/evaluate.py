@@ -94,7 +94,8 @@ def main(config: DictConfig) -> None:
 
 def _forget_older(table: Path, config: DictConfig) -> None:
     """Deletes a table of an earlier training, whose rows would stand beside the new ones."""
-    if table.is_file() and config.pretrained is None and ended_since(table, evaluated_runs(config)):
+    of_a_run = config.pretrained is None and table.parent == run_folder(config, "results_dir")
+    if of_a_run and table.is_file() and ended_since(table, evaluated_runs(config)):
         table.unlink()
 
 
