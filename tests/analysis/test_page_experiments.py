@@ -124,42 +124,6 @@ def test_the_page_shows_the_figures_that_are_drawn(published, tmp_path):
     assert sorted(path.name for path in drawn) == sorted(shown) and len(shown) == 3
 
 
-def test_notes_get_the_tables_that_they_ask_for(published):
-    page = results_page(published, THEIRS, "Found.\n\n<!-- table: odd -->\n\n<!-- comparisons: odd -->")
-    lead = page.split("## How to read the tables")[0]
-    assert "| T-STAR | 0.625 [" in lead and "| T-STAR minus buffer starts, every turn kept |" in lead
-    with pytest.raises(ValueError, match="table: plain -->: there is no such experiment; there are odd"):
-        results_page(published, THEIRS, "<!-- table: plain -->")
-
-
-def test_what_each_choice_adds_is_said_in_the_words_of_the_contents(published):
-    odd = {"folder": "odd", "kind": "experiment"}
-    for seed, progress in ((3, 0.76), (4, 0.5)):
-        write(published, "odd", "nearly", seed, progress)
-        write(published, "odd", "sure", seed, 1.0)
-        write(published, "odd", "as_sure", seed, 1.0)
-    write(published, "odd", "alone", 3, 0.75)
-    odd["choices"] = {
-        "d_omega and a gate": ["tstar", "buffer_no_gate"],
-        "hardly anything": ["nearly", "tstar"],
-        "nothing": ["sure", "as_sure"],
-        "one seed": ["alone", "tstar"],
-        "what was not run": ["tstar", "buffer"],
-    }
-    contents(published, [odd, {"folder": "plain", "kind": "paper"}])
-    page = results_page(published, THEIRS, "<!-- choices: odd -->")
-    rows = [line.strip("| ").split(" | ") for line in page.split("| what is chosen |")[1].splitlines()]
-    rows = {row[0]: row[1:] for row in rows}
-    # Both seeds differ by .25, so that Student's interval is a point.
-    assert rows["d_omega and a gate"][1:] == ["+0.25 to +0.25", "2", "higher"]
-    assert rows["d_omega and a gate"][0].startswith("+0.250 [")
-    # .01 and 0: half of 12.7 deviations of .0071, over the root of two, is .064.
-    assert rows["hardly anything"][1:] == ["-0.06 to +0.07", "2", "no clear difference"]
-    assert rows["nothing"] == ["+0.000 [+0.000, +0.000]", "+0.00 to +0.00", "2", "within 0.05 of zero"]
-    assert rows["one seed"][1:] == ["-", "1", "one seed"]
-    assert "what was not run" not in rows
-
-
 def test_an_arm_may_have_no_gap_and_a_rule_for_better_shows_what_decides(published):
     asked = {"asks": "Better?", "pairs": [["tstar", "buffer_no_gate"]], "seeds": 2, "improvement": 0.95}
     odd = {"folder": "odd", "kind": "experiment", "pairs": asked["pairs"], "families": [asked["pairs"]]}
@@ -206,46 +170,6 @@ def test_only_what_was_changed_after_its_skills_were_tried_has_a_star(published)
     }
     # The product of .5 and .5 is a progress of (.5 + .25) / 2.
     assert (rows["no_finetuning"], rows["floored"]) == ("-0.125", "-0.125 \\*")
-
-
-def test_the_readme_has_what_the_notes_begin_with_and_its_tables(published):
-    notes = (
-        "Found [so](#so).\n\n![Drawn.](figures/a.png) [Site](https://a.b)\n\n<!-- table: odd -->\n\n## More\n"
-    )
-    head = results_head(published, THEIRS, notes)
-    lead = "Found [so](docs/results.md#so).\n\n![Drawn.](docs/figures/a.png) [Site](https://a.b)"
-    assert head.startswith(f"{lead}\n\n| chain |") and "ore" not in head
-    assert re.search(r"\| T-STAR \| 0\.625 \[[^|]+\| 0\.625 \[[^|]+\| 0\.375 \| 2 \|", head)
-    assert "| buffer starts, every turn kept |" in head
-
-
-@pytest.mark.parametrize(
-    ("asked", "message"),
-    [
-        ("<!-- tables: odd -->", "comment that is no table: <!-- tables: odd -->"),
-        ("<!-- table: odd: tstar-x -->", "comment that is no table"),
-        ("<!-- comparisons: odd: tstar -->", "comparisons are of all arms"),
-        ("<!-- choices: odd -->", "<!-- choices: odd -->: there is nothing to show"),
-    ],
-)
-def test_what_the_notes_ask_for_is_shown_or_refused(published, asked, message):
-    with pytest.raises(ValueError, match=message):
-        results_head(published, THEIRS, asked)
-
-
-def test_the_page_lists_what_was_found(published):
-    notes = "<!-- findings -->\n\n### 1. It is `so`: yes.\n\nText.\n\n### 2. Not that.\n\n## More\n"
-    page = results_page(published, THEIRS, notes)
-    assert "- [1. It is `so`: yes.](#1-it-is-so-yes)\n- [2. Not that.](#2-not-that)\n\n### 1. It is" in page
-
-
-def test_a_table_has_the_arms_that_the_notes_name(published):
-    head = results_head(published, THEIRS, "<!-- table: odd: tstar -->")
-    assert "| T-STAR | 0.625" in head and "buffer" not in head
-    with pytest.raises(ValueError, match="table has no arm mine; it has buffer_no_gate, tstar"):
-        results_page(published, THEIRS, "<!-- table: odd: tstar, mine -->")
-    with pytest.raises(ValueError, match="<!-- table: plain -->: there is no such experiment; there are odd"):
-        results_page(published, THEIRS, "<!-- table: plain -->")
 
 
 def test_arms_of_several_commits_are_refused_unless_the_contents_say_so(published):
