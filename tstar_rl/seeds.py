@@ -26,6 +26,7 @@ EVALUATIONS = (
     "influence",
     "exchange",
     "ways_home",
+    "moved_parts",
 )
 """What is evaluated, each with seeds of its own: the modes of `rollouts.episodes`, then what single recipes measure."""
 

@@ -132,6 +132,8 @@ MISTAKES = [
     ("experiment", ["experiment=shelf", "launch=ray"], "experiment.py runs its recipes here: launch must be local"),
     ("experiment", ["experiment=shelf", "arms=[]"], "arms must name at least one, got none"),
     ("gpu_run", ["device=cpu", "scale=quick"], r"gpu_run.py takes scales=\[...\], .*; leave scale=... out"),
+    ("moved_parts", ["from_metres=0"], "from_metres must be positive"),
+    ("moved_parts", ["from_degrees=-1"], "from_degrees must be positive"),
     ("hand_over_gap", ["floors=[0]"], r"floors must be positive, got \[0"),
     ("floored", ["from_checkpoint=bset"], "from_checkpoint must be one of last, best; got 'bset'"),
     ("make_demonstrations", ["kinds=[]"], "kinds must name at least one, got none"),

@@ -65,6 +65,8 @@ LEAST = {
 KINDS_OF_NUMBERS = {
     "normalizer.floor": "positive",
     "floor": "positive",
+    "from_metres": "positive",
+    "from_degrees": "positive",
     "minutes": "positive",
     "noise": "not_negative",
     "chain.gate_margin": "finite",

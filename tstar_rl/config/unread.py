@@ -14,7 +14,7 @@ ONE_POLICY = ("bc", "ppo", "gail", "gail_ppo", "spirl")
 """Recipes that train one policy, of a subtask or of the whole task."""
 WHOLE = ("ablate", "assemble", "baselines", "experiment", "gpu_run")
 """Recipes that start others for the whole task."""
-OF_CHAINS = ("hand_over", "hand_over_gap", "ship", "terminal_states", "ways_home")
+OF_CHAINS = ("hand_over", "hand_over_gap", "moved_parts", "ship", "terminal_states", "ways_home")
 """Recipes that read what a chain's training has left."""
 FINE_TUNING = (
     "feasibility", "hand_over_value", "in_order", "in_order_cloned", "policy_sequencing", "proximity", "scar_like",

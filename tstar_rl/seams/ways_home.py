@@ -9,7 +9,7 @@ from tensordict import TensorDictBase
 from torch import Tensor
 
 from tstar_rl.chaining.recovery import RecoveringChain
-from tstar_rl.env.layout import NUM_PHASES, PARTS
+from tstar_rl.seams.apart import apart, part_poses
 
 __all__ = ["WaysHome"]
 
@@ -32,7 +32,7 @@ class WaysHome:
     def __call__(self, tensordict: TensorDictBase) -> None:
         """tensordict: batch [N], as `run_episodes` hands it on."""
         skill, done = (tensordict[name].squeeze(-1).cpu() for name in ("subtask", "done"))
-        poses = tensordict["observation"].cpu()[:, PARTS:-NUM_PHASES].reshape(len(skill), -1, 7)
+        poses = part_poses(tensordict["observation"])
         homings = self.policy.homings.cpu()
         if self._skill is None:
             self._skill, self._at_hand_over = torch.full_like(skill, -1), poses.clone()
@@ -44,7 +44,7 @@ class WaysHome:
             way["step"] = int(tensordict["step_count"][row])
             for name, of_skill in self.parts.items():
                 part = of_skill[way["skill"]]
-                way |= _apart(name, self._at_hand_over[row, part], poses[row, part])
+                way |= apart(name, self._at_hand_over[row, part], poses[row, part])
             way["succeeded"] = 0
             self._found.append(way)
             self._open[row] = way
@@ -63,10 +63,3 @@ class WaysHome:
         """
         measured = [f"{name}_{what}" for name in self.parts for what in ("moved", "turned")]
         return pd.DataFrame(self._found, columns=["skill", "way", "step", *measured, "succeeded"])
-
-
-def _apart(name: str, first: Tensor, second: Tensor) -> dict[str, float]:
-    """How far apart two poses (7,) of a part are."""
-    cosine = torch.dot(first[3:].double(), second[3:].double()).abs().clamp(max=1.0)
-    moved, turned = (second[:3] - first[:3]).norm(), torch.rad2deg(2 * cosine.acos())
-    return {f"{name}_moved": round(float(moved), 4), f"{name}_turned": round(float(turned), 2)}

@@ -1,0 +1,21 @@
+"""How far apart two poses of one part are."""
+
+import torch
+from torch import Tensor
+
+from tstar_rl.env.layout import NUM_PHASES, PARTS
+
+__all__ = ["apart", "part_poses"]
+
+
+def part_poses(observation: Tensor) -> Tensor:
+    """Poses (N, P, 7) of all parts in observations (N, O), on the processor: position (m), quaternion (w, x, y, z)."""
+    return observation.cpu()[:, PARTS:-NUM_PHASES].reshape(len(observation), -1, 7)
+
+
+def apart(name: str, first: Tensor, second: Tensor) -> dict[str, float]:
+    """The columns <name>_moved (m) and <name>_turned (degrees) between two poses (7,)."""
+    one, other = first[3:].double(), second[3:].double()
+    chord = torch.minimum((one - other).norm(), (one + other).norm())  # q and -q are one turn
+    moved, turned = (second[:3] - first[:3]).norm(), torch.rad2deg(4 * torch.asin(chord / 2))
+    return {f"{name}_moved": round(float(moved), 4), f"{name}_turned": round(float(turned), 2)}
