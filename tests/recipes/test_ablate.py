@@ -11,7 +11,7 @@ from recipe_runs import run
 SMALL = [
     "scale=quick", "progress_bar=false", "demonstrations.episodes=4", "demonstrations.num_envs=8", "bc.epochs=2",
     "training.num_envs=8", "training.horizon=16", "training.total_steps=0", "ppo.minibatch=64",
-    "chain.steps_per_turn=128", "chain.trial_episodes=2", "chain.seed_episodes=4", "chain.trial_max_steps=10",
+    "chain.steps_per_turn=256", "chain.trial_episodes=2", "chain.seed_episodes=4", "chain.trial_max_steps=10",
     "evaluation.episodes=2", "evaluation.whole_episodes=2",
 ]  # fmt: skip
 
