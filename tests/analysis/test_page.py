@@ -31,6 +31,7 @@ def test_the_pages_and_the_readme_are_what_the_published_tables_say():
 
 QUOTED = [
     "tstar_costliest - buffer_costliest", "tstar - buffer_bonus", "gaussian - no_finetuning",
+    "further_training: buffer - own_starts", "further_training: own_starts - no_finetuning",
     "buffer_costliest - buffer", "in_order_cloned - tstar", "recovery: recover_always - no_finetuning",
     "input_floor: floored - no_finetuning",
     "from_scratch: tstar - gaussian", "tstar_between_costliest - buffer_costliest", "tstar_between - buffer_bonus",
@@ -40,12 +41,13 @@ QUOTED = [
     "wider_starts_costliest - tstar", "wider_starts_costliest - gaussian", "wider_starts_costliest - buffer_costliest",
     "recovery: recover_always - no_finetuning",
     "in_order_cloned - gaussian", "no_finetuning_jittered - no_finetuning", "gaussian - no_finetuning_jittered",
-    "gaussian - no_finetuning", "in_order - tstar", "buffer_costliest - buffer", "tstar_costliest - tstar",
+    "gaussian - no_finetuning", "further_training: buffer - own_starts", "in_order - tstar", "buffer_costliest - buffer", "tstar_costliest - tstar",
     "tstar_costliest - buffer_costliest", "feasibility_costliest - buffer_costliest",
     "from_scratch: tstar - gaussian", "from_scratch: tstar - buffer_bonus", "from_scratch: floored - no_finetuning",
     "recovery: recover_always - no_finetuning", "recovery: recover - recover_blind",
     "recovery: recover_90 - no_finetuning",
     "recovery: recover_always - recover", "recovery: recover_late - no_finetuning",
+    "further_training: own_starts - no_finetuning", "further_training: buffer - own_starts",
     "in_order_cloned - in_order_demonstrated",
 ]  # fmt: skip
 """The arms of each difference with an interval in the notes, in their order; the last one is the README's own."""
@@ -63,7 +65,7 @@ def test_differences_in_the_text_are_those_of_the_tables_and_their_intervals_are
     assert len(quoted) == len(QUOTED), [f"{value}{words}" for value, words, *_ in quoted]
     rows = {
         name: read_experiment(PUBLISHED / name).chosen("table_lack")
-        for name in ("beyond_tstar", "from_scratch", "input_floor", "recovery")
+        for name in ("beyond_tstar", "from_scratch", "further_training", "input_floor", "recovery")
     }
     wrong = []
     for named, (value, words, *ends) in zip(QUOTED, quoted, strict=True):
