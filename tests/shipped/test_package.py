@@ -12,6 +12,7 @@ from torchrl.envs import ExplorationType, set_exploration_type
 
 import tstar_rl
 from tstar_rl import FurnitureEnv, load_pretrained
+from tstar_rl.runs.versions import processor
 from tstar_rl.shipped.catalogue import CHAINS, pretrained
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -80,4 +81,7 @@ def test_a_chain_is_evaluated_to_the_figures_recorded(task, variant, call, tmp_p
     (file,) = tmp_path.rglob("evaluation.csv")
     row = pd.read_csv(file).iloc[0]
     assert row.progress == pytest.approx(record["figures"]["deterministic"]["progress"], abs=0.03), said
-    assert "deterministic: the figures recorded" in said or record["versions"]["torch"] != torch.__version__
+    assert "another world" not in said and "other episodes" not in said
+    here = {"torch": torch.__version__, "processor": processor()}
+    same = all(record["versions"].get(name) == value for name, value in here.items())
+    assert "deterministic: the figures recorded" in said or not same  # decision 0025
