@@ -1,7 +1,6 @@
 """What a chain with recovery finds when its arm goes home: where its parts lie, and whether the skill then succeeds."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import pandas as pd
 import torch
@@ -9,7 +8,8 @@ from tensordict import TensorDictBase
 from torch import Tensor
 
 from tstar_rl.chaining.recovery import RecoveringChain
-from tstar_rl.seams.apart import apart, part_poses
+from tstar_rl.seams.apart import part_poses
+from tstar_rl.seams.attempts import Attempts
 
 __all__ = ["WaysHome"]
 
@@ -24,9 +24,7 @@ class WaysHome:
     """
 
     def __init__(self, policy: RecoveringChain, parts: Mapping[str, Sequence[int]]) -> None:
-        self.policy, self.parts = policy, parts
-        self._found: list[dict[str, Any]] = []
-        self._open: dict[int, dict[str, Any]] = {}
+        self.policy, self._attempts = policy, Attempts(parts)
         self._skill: Tensor | None = None
 
     def __call__(self, tensordict: TensorDictBase) -> None:
@@ -40,18 +38,11 @@ class WaysHome:
         handed = skill != self._skill
         self._at_hand_over[handed], self._ways[handed] = poses[handed], 0
         for row in ((homings > self._homings) & ~done).nonzero().squeeze(-1).tolist():
-            way: dict[str, Any] = {"skill": int(skill[row]), "way": int(self._ways[row])}
-            way["step"] = int(tensordict["step_count"][row])
-            for name, of_skill in self.parts.items():
-                part = of_skill[way["skill"]]
-                way |= apart(name, self._at_hand_over[row, part], poses[row, part])
-            way["succeeded"] = 0
-            self._found.append(way)
-            self._open[row] = way
+            values = {"skill": int(skill[row]), "way": int(self._ways[row])}
+            values["step"] = int(tensordict["step_count"][row])
+            self._attempts.begin(row, values, self._at_hand_over[row], poses[row])
             self._ways[row] += 1
-        advanced = tensordict["next", "completed"] > tensordict["completed"]
-        for row in (advanced.squeeze(-1).cpu() & ~done).nonzero().squeeze(-1).tolist():
-            self._open.pop(row, {})["succeeded"] = 1
+        self._attempts.end(tensordict, done)
         self._skill, self._homings = skill.clone(), homings.clone()
 
     def table(self) -> pd.DataFrame:
@@ -61,5 +52,4 @@ class WaysHome:
         <name>_moved (m) and <name>_turned (degrees), the distance and angle of a part between where it was when the
         skill took over and when the arm set out; succeeded, whether the skill did before it was sent home again.
         """
-        measured = [f"{name}_{what}" for name in self.parts for what in ("moved", "turned")]
-        return pd.DataFrame(self._found, columns=["skill", "way", "step", *measured, "succeeded"])
+        return self._attempts.table("skill", "way", "step")
