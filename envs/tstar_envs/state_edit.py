@@ -10,6 +10,7 @@ from torch import Tensor
 from tstar_envs import connection, geometry
 from tstar_envs.physics.state_row import row_slice
 from tstar_envs.robots import sawyer
+from tstar_envs.snapshot_check import APART
 from tstar_envs.tasks.recipe_tables import RecipeTables
 
 MAX_PENETRATION = 0.004
@@ -42,7 +43,7 @@ class StateEditor:
             The snapshots, and which are possible, (n,) bool: finite, nothing penetrates by more than
             `MAX_PENETRATION`, joints within limits, and every active weld joins connectors that are aligned. A
             snapshot that breaks one of these itself, as a finger does that presses on a part, may be replaced by what
-            breaks it no more.
+            breaks it no more, but not by welds of connectors that are `APART`: a snapshot with one is refused.
 
         Raises:
             ValueError: the positions are of another number of snapshots or of another scene.
@@ -73,7 +74,8 @@ class StateEditor:
             )
             found = self._alignment(k, target, moving)
             own = self._alignment(k, had[:, self.tables.target[k]], had[:, self.tables.moving[k]])
-            possible &= ~active[:, k] | found.aligned | _no_worse(found, own)
+            may_stay = _no_worse(found, own) & (found.distance < APART)
+            possible &= ~active[:, k] | found.aligned | may_stay
         for i in possible.nonzero().flatten().tolist():
             depth, beyond = self._strain(qpos[i], active[i])
             if depth > MAX_PENETRATION or beyond > MAX_BEYOND:

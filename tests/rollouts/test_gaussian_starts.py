@@ -1,5 +1,6 @@
 """Policy Sequencing's starts in the real environment."""
 
+import pytest
 import torch
 from torchrl.envs import ExplorationType, set_exploration_type
 
@@ -68,6 +69,22 @@ def test_parts_that_were_joined_askew_may_be_moved_as_they_are():
     assert env.with_qpos(apart, askew)[1].all() and env.with_qpos(apart, qpos)[1].all()
     askew[:, LEG_2_Z] += 0.01
     assert not env.with_qpos(apart, askew)[1].any(), "further apart than they were"
+
+
+def test_no_weld_is_written_that_a_reset_would_refuse():
+    """A weld that is torn by more than 10 cm joins nothing: its parts may not be drawn as far apart."""
+    env = FurnitureEnv("table_lack", 4, 2, nthread=1, seed=0, snapshots=True, preassembled="jitter")
+    torn, everything = env.reset()["snapshot"].clone(), torch.ones(4, dtype=torch.bool)
+    far, near = env.qpos_of(torn), env.qpos_of(torn)
+    far[:, LEG_2_Z] += 0.15
+    near[:, LEG_2_Z] += 0.08
+    torn, _ = env.with_qpos(torn, far)
+    with pytest.raises(ValueError, match="its welds are those of other furniture"):
+        env.world.reset_to(torn, everything)
+    assert not env.with_qpos(torn, far)[1].any()
+    drawn, possible = env.with_qpos(torn, near)
+    assert possible.all()
+    env.world.reset_to(drawn, everything)
 
 
 def test_what_was_drawn_is_counted_on_after_a_resume():
