@@ -13,12 +13,10 @@ import tokenize
 from collections import Counter
 from pathlib import Path
 
+from tstar_rl.config.unread import FINE_TUNING, ONE_POLICY
+
 RECIPES = Path(__file__).resolve().parents[1] / "recipes"
-SYSTEMS = (
-    *("bc", "ppo", "gail", "gail_ppo", "spirl", "policy_sequencing", "tstar"),
-    *("feasibility", "hand_over_value", "proximity", "scar_like"),
-    *("in_order", "in_order_cloned"),
-)
+SYSTEMS = (*ONE_POLICY, *FINE_TUNING)
 
 
 def code_lines(source: str) -> list[str]:

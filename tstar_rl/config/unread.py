@@ -8,7 +8,7 @@ from typing import Any
 
 from tstar_rl.config.check import ConfigError
 
-__all__ = ["ONE_POLICY", "check_what_is_not_read"]
+__all__ = ["FINE_TUNING", "ONE_POLICY", "check_what_is_not_read"]
 
 ONE_POLICY = ("bc", "ppo", "gail", "gail_ppo", "spirl")
 """Recipes that train one policy, of a subtask or of the whole task."""
