@@ -29,6 +29,7 @@ from tstar_rl.launch.backends import launcher
 from tstar_rl.launch.side_by_side import Step, mean_bonus, run_side_by_side
 from tstar_rl.launch.steps import chosen_scale, is_done, missing, passed_on, step_config
 from tstar_rl.rollouts.starts import check_shares
+from tstar_rl.runs.files import replacing
 from tstar_rl.runs.run_folder import run_path
 
 OWN = ("ablation", "all", "variants", "processes")  # values that only this recipe knows
@@ -120,7 +121,8 @@ def _share(config: DictConfig, variant: Variant) -> None:
     target.mkdir(parents=True, exist_ok=True)
     for name in TABLES:
         if (source / name).is_file():
-            shutil.copyfile(source / name, target / name)
+            with replacing(target / name) as partial:
+                shutil.copyfile(source / name, partial)
 
 
 def _show(config: DictConfig, name: str) -> None:

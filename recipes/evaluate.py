@@ -141,6 +141,7 @@ def _places(config: DictConfig, given: Iterable[str]) -> tuple[Path, dict[str, l
     results, names = run_folder(config, "results_dir"), list(config.checkpoints)
     if after is None or after.parts:  # a checkpoint, not a run
         path = Path(config.path)
+        _check_checkpoints(config, given)
         homes, names = [path.parent], [path.name]
         results = path.parent if after is None else results / after.parent
     else:
@@ -151,6 +152,17 @@ def _places(config: DictConfig, given: Iterable[str]) -> tuple[Path, dict[str, l
         places = " or ".join(str(homes[0] / name) for name in names)
         raise MissingFileError(f"no skill and no chain at {places}{made_by(homes[0])}")
     return results, complete
+
+
+def _check_checkpoints(config: DictConfig, given: Iterable[str]) -> None:
+    """Raises InvalidValueError if other checkpoints are asked for than the one that config.path is."""
+    name = Path(config.path).name
+    asked = any(value.lstrip("+~").split("=")[0] == "checkpoints" for value in given)
+    if asked and list(config.checkpoints) != [name]:
+        raise InvalidValueError(
+            f"path={config.path} is one checkpoint: leave out checkpoints, got {list(config.checkpoints)}; or give the "
+            "folder of the run as the path"
+        )
 
 
 def _take_from_path(config: DictConfig, given: Iterable[str]) -> Path | None:

@@ -8,9 +8,9 @@ killed, goes on when it is given again: what is finished is not done again, and 
 checkpoint. It ends with 75 if the time was over while there is more to do. All arms come from one commit: where the
 file names it (`commit`, also of a single arm), its code is checked out below <runs_dir>/code and run from there, so
 that a later checkout goes on with an experiment and changes nothing of it. Tables land in results/<name>/; with
-publish=true those of finished runs are copied to results/published/<name>/. With unpublished=true an arm of a seed that
-lies there is left out; of the rest, what it starts from is made anew, which gives the same numbers, to the bit: tables
-that lie there stay, and other numbers are an error.
+publish=true those of finished runs are copied to results/published/<name>/, but for seeds and arms that are not
+declared. With unpublished=true an arm of a seed that lies there is left out; of the rest, what it starts from is made
+anew, which gives the same numbers, to the bit: tables that lie there stay, and other numbers are an error.
 """
 
 import itertools
@@ -81,19 +81,23 @@ def main(config: DictConfig) -> None:
             run_until(end, step, line=line, code=root)
 
     _check(lanes, code)
-    over = False
+    stopped: SystemExit | None = None
     try:
         run_side_by_side(lanes, (), config.processes, run)
-    except SystemExit as stop:
-        over = set(str(stop).splitlines()) == {str(TimeIsOver())}
-        if not over:
-            raise
+    except (
+        SystemExit
+    ) as stop:  # where one lane failed, what the others have finished is published all the same
+        stopped = stop
     if config.publish:
         first = [*declared.shared(*declared.lanes()[0]), *passed_on(OWN)]
-        print("\n".join(map(str, publish(step_config(("gail_ppo",), first).results_dir, published))))
-    if over:
-        print("The time is over; the same command goes on.")
-        raise SystemExit(MORE)
+        results = step_config(("gail_ppo",), first).results_dir
+        print("\n".join(map(str, publish(results, published, declared.declares))))
+    if stopped is None:
+        return
+    if set(str(stopped).splitlines()) != {str(TimeIsOver())}:
+        raise stopped
+    print("The time is over; the same command goes on.")
+    raise SystemExit(MORE)
 
 
 def _check(lanes: list[list[Planned]], code: dict[str, Path]) -> None:

@@ -20,6 +20,7 @@ from tstar_rl.config.load import recipe
 from tstar_rl.config.recovery import refuse_recovery
 from tstar_rl.config.values import plain
 from tstar_rl.launch.steps import chosen_scale, ended_since, evaluated_runs, run_folder
+from tstar_rl.runs.csv_tables import read_table
 from tstar_rl.runs.mismatch import CheckpointMismatchError, differences
 from tstar_rl.runs.run_config import read_config
 from tstar_rl.runs.run_folder import made_by
@@ -76,7 +77,7 @@ def _config_of(results: Path, config: DictConfig) -> dict[str, Any]:
 def _figures_of(results: Path, config: DictConfig) -> dict[str, dict[str, float]]:
     """The figures of its evaluation, by mode."""
     file, asked = results / "evaluation.csv", f"system={config.system} seed={config.seed}"
-    table = pd.read_csv(file) if file.is_file() else pd.DataFrame(columns=["checkpoint", "seed", "mode"])
+    table = read_table(file) if file.is_file() else pd.DataFrame(columns=["checkpoint", "seed", "mode"])
     rows = table[(table.checkpoint == config.checkpoint) & (table.seed == config.seed)].set_index("mode")
     if rows.empty:
         raise MissingFileError(

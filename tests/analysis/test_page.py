@@ -123,7 +123,7 @@ def test_a_skills_steps_are_those_of_its_whole_training():
 def test_curves_are_sorted_into_skills_chains_and_single_policies():
     rows = [
         {"recipe": "gail_ppo", "subtask": 2, "env_steps": 10},
-        {"recipe": "tstar", "subtask": -1, "skill": 0, "env_steps": 10},
+        {"recipe": "tstar", "subtask": -1, "skill": 0, "env_steps": 10, "trial_progress": 0.5},
         {"recipe": "ppo", "subtask": -1, "env_steps": 10},
         {"recipe": "bc", "subtask": -1, "env_steps": 0},  # one row, no curve
     ]
@@ -134,10 +134,9 @@ def test_curves_are_sorted_into_skills_chains_and_single_policies():
         "single_policies": ["ppo"],
     }
     assert curve_groups(pd.DataFrame(rows).assign(task="table"), "chair") == {}
-    rows = [
-        {"recipe": "recover", "subtask": -1, "skill": 1, "env_steps": 10},
-        {**rows[0], "success_rate": 0.5},
-    ]
+    untrained = {"recipe": "recover", "subtask": -1, "skill": 1, "env_steps": 10}
+    assert curve_groups(pd.DataFrame([untrained]).assign(task="table"), "table") == {}
+    rows = [untrained, {**rows[0], "success_rate": 0.5}]
     assert list(curve_groups(pd.DataFrame(rows).assign(task="table"), "table")) == [
         "skills"
     ]  # nothing is trained

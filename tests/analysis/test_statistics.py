@@ -110,6 +110,11 @@ def test_probability_of_improvement_by_hand_and_by_mann_whitney():
     assert ours.probability_of_improvement(x, y) == pytest.approx(theirs)
 
 
+def test_means_of_thirds_that_tie_are_ties():
+    drawn = ours.resampled_means([[0.0, 1 / 3, 2 / 3, 1.0] * 5], np.zeros((20_000, 1), int), rng())
+    assert len(np.unique(drawn)) <= 61  # of twenty thirds; by the order of the sum there would be more
+
+
 def test_interval_of_the_probability_of_improvement():
     low, high = [[0.1], [0.2], [0.3]], [[0.7], [0.8], [0.9]]
     assert ours.improvement_interval(high, low, rng()) == (1.0, 1.0, 1.0)

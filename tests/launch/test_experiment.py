@@ -11,6 +11,7 @@ from small_experiment import SMALL
 from tstar_rl.config.values import CONFIGS, plain
 from tstar_rl.launch.experiment import with_bonus, without_bonus
 from tstar_rl.launch.experiment_values import parse_experiment
+from tstar_rl.runs.run_folder import Place
 
 
 def test_the_steps_of_a_seed():
@@ -88,7 +89,11 @@ def test_demonstrations_may_lie_elsewhere():
 
 
 def test_the_first_skill_of_an_arm_may_be_trained_like_that_of_others():
-    wide = {"name": "wide", "recipe": "policy_sequencing", "later_skill_overrides": ["env.arm_noise=0.8"]}
+    wide = {
+        "name": "no_finetuning_wide",
+        "recipe": "policy_sequencing",
+        "later_skill_overrides": ["env.arm_noise=0.8"],
+    }
     steps = parse_experiment({**SMALL, "arms": [wide]}).steps(3, 7)
     assert [step[0] for step in steps[-2:]] == ["policy_sequencing", "evaluate"]
     noisy = [(step[0], "env.arm_noise=0.8" in step) for step in steps[:-2]]
@@ -171,6 +176,25 @@ def test_a_task_may_have_more_seeds():
     assert [arm.name for arm in experiment.arms_of(1)] == ["no_finetuning", "tstar", "paid"]
     with pytest.raises(ValueError, match="experiment small has none of seeds 9 on table_lack"):
         experiment.lanes([9], ["table_lack"])
+
+
+def test_runs_that_are_declared_are_its_arms_and_their_skills():
+    wide = {"name": "no_finetuning_wide", "recipe": "no_finetuning", "skill_overrides": ["env.arm_noise=0.8"]}
+    experiment = parse_experiment({**SMALL, "arms": [*SMALL["arms"], wide]})
+    for system, seed, subtask in (
+        ("tstar", 7, None),
+        ("gail_ppo", 8, 0),
+        ("no_finetuning_wide/gail_ppo", 7, 3),
+        ("gaussian", 8, None),
+    ):
+        assert experiment.declares(Place("table_lack", system, seed, subtask))
+    for task, system, seed in (
+        ("table_lack", "tstar", 1),  # for tuning
+        ("table_lack", "withdrawn", 7),
+        ("table_lack", "gaussian", 7),  # which has seed 8 alone
+        ("chair_ingolf", "tstar", 7),
+    ):
+        assert not experiment.declares(Place(task, system, seed, None))
 
 
 def test_a_task_may_have_other_seeds_than_the_rest():

@@ -6,6 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 from tstar_rl.launch.published import publish
+from tstar_rl.runs.csv_tables import LogError
 from tstar_rl.runs.files import turn_to_write
 
 
@@ -23,14 +24,39 @@ def test_finished_runs_are_published_and_others_are_not(tmp_path):
     ]
 
 
+def test_runs_that_are_not_declared_stay_where_they_are(tmp_path):
+    for arm, seed in (("tstar", 7), ("tstar", 1), ("own_starts", 7)):
+        folder = tmp_path / f"a/table_lack/{arm}/seed{seed}"
+        folder.mkdir(parents=True)
+        (folder / "evaluation.csv").write_text("progress\n1\n")
+    written = publish(tmp_path / "a", tmp_path / "b", lambda run: (run.system, run.seed) == ("tstar", 7))
+    assert [file.relative_to(tmp_path).as_posix() for file in written] == [
+        "b/table_lack/tstar/seed7/evaluation.csv"
+    ]
+
+
+@pytest.mark.parametrize("name", ["metrics.csv", "evaluation.csv"])
+def test_a_table_that_is_cut_off_is_not_published_and_the_rest_is(tmp_path, name):
+    for arm in ("one", "two"):
+        folder = tmp_path / f"a/t/{arm}/seed0"
+        folder.mkdir(parents=True)
+        for table in ("metrics.csv", "evaluation.csv"):
+            (folder / table).write_text("progress,minutes\n0.5,1\n")
+    (tmp_path / "a/t/one/seed0" / name).write_text("progress,minutes\n0.5,1")
+    with pytest.raises(LogError, match=f"one/seed0/{name} is damaged"):
+        publish(tmp_path / "a", tmp_path / "b")
+    assert not list((tmp_path / "b/t/one/seed0").iterdir())
+    assert (tmp_path / "b/t/two/seed0/evaluation.csv").is_file()
+
+
 def test_two_processes_that_publish_take_turns(tmp_path):
-    (tmp_path / "a/one").mkdir(parents=True)
-    (tmp_path / "a/one/evaluation.csv").write_text("progress\n1\n")
-    with ThreadPoolExecutor(1) as pool, turn_to_write(tmp_path / "b/one"):
+    (tmp_path / "a/t/one/seed0").mkdir(parents=True)
+    (tmp_path / "a/t/one/seed0/evaluation.csv").write_text("progress\n1\n")
+    with ThreadPoolExecutor(1) as pool, turn_to_write(tmp_path / "b/t/one/seed0"):
         writing = pool.submit(publish, tmp_path / "a", tmp_path / "b")
         with pytest.raises(TimeoutError):
             writing.result(0.2)
-        (tmp_path / "b/one/evaluation.csv").write_text("progress\n1\n")
+        (tmp_path / "b/t/one/seed0/evaluation.csv").write_text("progress\n1\n")
     assert writing.result() == []
 
 
@@ -45,29 +71,31 @@ def test_a_run_made_anew_with_the_same_figures_keeps_its_first_tables(tmp_path):
 
 
 def test_other_figures_of_a_published_run_are_an_error_after_the_rest_is_copied(tmp_path):
-    for place, progress in (("a/one", 0.5), ("a/two", 0.25), ("b/one", 0.75)):
+    for place, progress in (("a/t/one/seed0", 0.5), ("a/t/two/seed0", 0.25), ("b/t/one/seed0", 0.75)):
         (tmp_path / place).mkdir(parents=True)
         (tmp_path / place / "evaluation.csv").write_text(f"progress,minutes\n{progress},1\n")
-    with pytest.raises(ValueError, match=r"other figures than those in .*a: .*b/one/evaluation.csv; delete"):
+    with pytest.raises(
+        ValueError, match=r"other figures than those in .*a: .*b/t/one/seed0/evaluation.csv; delete"
+    ):
         publish(tmp_path / "a", tmp_path / "b")
-    assert (tmp_path / "b/two/evaluation.csv").is_file()
-    assert "0.75" in (tmp_path / "b/one/evaluation.csv").read_text()
+    assert (tmp_path / "b/t/two/seed0/evaluation.csv").is_file()
+    assert "0.75" in (tmp_path / "b/t/one/seed0/evaluation.csv").read_text()
 
 
 @pytest.mark.parametrize("left", ["", "progress,min\n0.5"])
 def test_a_table_that_was_half_written_counts_as_other_figures(tmp_path, left):
-    for place in ("a/one", "a/two", "b/one"):
+    for place in ("a/t/one/seed0", "a/t/two/seed0", "b/t/one/seed0"):
         (tmp_path / place).mkdir(parents=True)
         (tmp_path / place / "evaluation.csv").write_text("progress,minutes\n0.5,1\n")
-    (tmp_path / "b/one/evaluation.csv").write_text(left)
-    with pytest.raises(ValueError, match=r"other figures .*: .*b/one/evaluation.csv; delete these"):
+    (tmp_path / "b/t/one/seed0/evaluation.csv").write_text(left)
+    with pytest.raises(ValueError, match=r"other figures .*: .*b/t/one/seed0/evaluation.csv; delete these"):
         publish(tmp_path / "a", tmp_path / "b")
-    assert (tmp_path / "b/two/evaluation.csv").is_file()
+    assert (tmp_path / "b/t/two/seed0/evaluation.csv").is_file()
 
 
 def test_a_copy_that_fails_leaves_no_table(tmp_path, monkeypatch):
-    (tmp_path / "a/one").mkdir(parents=True)
-    (tmp_path / "a/one/evaluation.csv").write_text("progress,minutes\n0.5,1\n")
+    (tmp_path / "a/t/one/seed0").mkdir(parents=True)
+    (tmp_path / "a/t/one/seed0/evaluation.csv").write_text("progress,minutes\n0.5,1\n")
 
     def full(source, target):
         target.write_text("prog")
@@ -76,4 +104,4 @@ def test_a_copy_that_fails_leaves_no_table(tmp_path, monkeypatch):
     monkeypatch.setattr("tstar_rl.launch.published.shutil.copyfile", full)
     with pytest.raises(OSError, match="No space"):
         publish(tmp_path / "a", tmp_path / "b")
-    assert not list((tmp_path / "b/one").iterdir())
+    assert not list((tmp_path / "b/t/one/seed0").iterdir())

@@ -30,6 +30,16 @@ def test_an_evaluation_is_done_if_it_is_not_older_than_its_training(shared, trai
     assert missing([train, evaluate], [*shared, "resume=false"]) == [train, evaluate]
 
 
+def test_an_evaluation_of_a_training_that_goes_on_is_made_again(shared):
+    shared = [*shared, "exploration=null"]  # with it, the steps of a training cannot be raised
+    other = ("evaluate", "system=gail_ppo", "subtask=2")
+    for step in (TRAIN, EVALUATE, ("gail_ppo", "subtask=2"), other):
+        finish(step, shared, at=100)
+    assert missing([TRAIN, EVALUATE, other], shared) == []
+    more = [*shared, "training.total_steps=100000000"]
+    assert missing([TRAIN, EVALUATE, other], more) == [TRAIN, EVALUATE]
+
+
 def test_an_evaluation_without_fine_tuning_is_as_old_as_the_newest_skill_allows(shared):
     step = ("evaluate", "system=no_finetuning")
     for index in range(SUBTASKS):

@@ -100,6 +100,14 @@ def test_skills_chained_as_they_are_have_results_but_no_run(recipe, made):
     assert recipe._spent(config, "gail_ppo", skills, True) == {"env_steps": 20, "minutes": 2}
 
 
+def test_a_path_that_is_one_checkpoint_is_of_no_other(recipe, made):
+    last = "path=runs/table_lack/tstar/seed1/last"
+    assert list(places(recipe, last, "checkpoints=[last]")[2]) == ["last"]
+    assert list(places(recipe, last.removesuffix("/last"), "checkpoints=[last]")[2]) == ["last"]
+    with pytest.raises(ValueError, match=r"is one checkpoint: leave out checkpoints, got \['best'\]"):
+        places(recipe, last, "checkpoints=[best]")
+
+
 def test_one_skill_of_a_chain_and_a_folder_of_no_run(recipe, made):
     config, results, found = places(recipe, "path=runs/table_lack/tstar/seed1/last/skill1")
     assert config.seed == 1 and list(found) == ["skill1"]

@@ -103,7 +103,9 @@ def test_a_table_that_has_lost_rows_stops_a_run_that_resumes(tmp_path):
     a_run_that_saved(tmp_path)
     table = tmp_path / "results/table/chain/seed0/metrics.csv"
     for said, damage in (
-        ("has 0 rows", lambda: table.write_text("env_steps\n")),
+        ("has 0 whole rows", lambda: table.write_text("env_steps\n")),
+        ("has 0 whole rows", lambda: table.write_text("env_steps\n1")),
+        ("has 0 whole rows", lambda: table.write_text("")),
         ("is missing", table.unlink),
     ):
         damage()
@@ -143,11 +145,13 @@ def test_a_run_that_has_finished_and_has_a_checkpoint_is_not_gone_over_again(tmp
     run.start()
     run.log(10)
     run.save_if_due(0)
+    run.log(15)  # a training ends between two checkpoints
     (run.work / "last").mkdir()
     run.finish()
+    before = contents(tmp_path)
     with pytest.raises(NothingToDo, match="nothing to do"):
         a_run(tmp_path, training={"total_steps": 1}).start()
-    assert (run.work / "finished.json").is_file()
+    assert contents(tmp_path) == before
     assert a_run(tmp_path, training={"total_steps": 20}).start() == 10  # more steps are something to do
 
 

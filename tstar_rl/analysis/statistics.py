@@ -36,6 +36,8 @@ __all__ = [
 Array = NDArray[np.floating]
 Scores = Sequence[ArrayLike]  # (episodes,) of each seed
 RESAMPLES = 5_000
+DIGITS = 12
+"""Of means. Sums of thirds or sevenths hang on their order in the last digits, and a tie is to be one."""
 
 
 class Interval(NamedTuple):
@@ -96,7 +98,7 @@ def resampled_means(scores: Scores, chosen: NDArray[np.int64], rng: np.random.Ge
         values, counts = np.unique(np.asarray(episodes, dtype=float), return_counts=True)
         here, number = chosen == index, counts.sum()
         means[here] = rng.multinomial(number, counts / number, size=int(here.sum())) @ values / number
-    return means
+    return means.round(DIGITS)
 
 
 def drawn_means(scores: Scores, rng: np.random.Generator, resamples: int) -> Array:
@@ -114,7 +116,7 @@ def seed_means(scores: Scores) -> Array:
     """(seeds,) mean score of each seed."""
     if not len(scores) or any(not np.size(episodes) for episodes in scores):
         raise ValueError("statistics need at least one seed, and at least one episode of each")
-    return np.array([np.mean(np.asarray(episodes, dtype=float)) for episodes in scores])
+    return np.array([np.mean(np.asarray(episodes, dtype=float)) for episodes in scores]).round(DIGITS)
 
 
 def interval_ends(draws: Array) -> tuple[float, float]:

@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.runs.csv_tables import read_table
 from tstar_rl.runs.run_config import read_config
 from tstar_rl.runs.run_folder import read_run_path
@@ -44,7 +45,7 @@ def read_evaluations(root: str | Path = "results") -> pd.DataFrame:
     Skills that an arm has for itself lie below it; their recipe is <arm>/<recipe>.
 
     Raises:
-        ValueError: if a table has rows of another seed than its folder's.
+        InvalidValueError: if a table has rows of another seed than its folder's.
     """
     return _read(root, "evaluation.csv", commits=True)
 
@@ -102,7 +103,7 @@ def _read_one(file: Path, root: Path) -> pd.DataFrame:
     seeds = set(table.get("seed", ())) - {place.seed}
     if seeds:
         others = ", ".join(map(str, sorted(seeds)))
-        raise ValueError(
+        raise InvalidValueError(
             f"{file} has rows of seed {others}: they are another run's; delete them and evaluate that run"
         )
     subtask = -1 if place.subtask is None else place.subtask

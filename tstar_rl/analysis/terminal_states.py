@@ -11,6 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from tstar_rl.checks import MissingFileError
+from tstar_rl.runs.csv_tables import read_table
 from tstar_rl.seams.one_sided import one_sided
 
 __all__ = ["add_plane", "pose_columns", "read_terminal_states", "spread"]
@@ -42,7 +43,7 @@ def read_terminal_states(root: str | Path, task: str, systems: Iterable[str]) ->
         )
     for system, found in files.items():
         for file in found:
-            rows = pd.read_csv(file)
+            rows = read_table(file)
             steps = rows["env_steps"]
             progress = (steps - steps.min()) / max(steps.max() - steps.min(), 1)
             seed = int(file.parent.name.removeprefix("seed"))

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from tstar_rl.checks import InvalidValueError, MissingFileError, did_you_mean
 from tstar_rl.launch.side_by_side import Step, mean_bonus
-from tstar_rl.runs.run_folder import FINISHED, UNTRAINED, run_path
+from tstar_rl.runs.run_folder import FINISHED, UNTRAINED, Place, run_path
 
 __all__ = ["BONUS", "Arm", "DeclaredExperiment", "with_bonus", "without_bonus"]
 
@@ -55,6 +55,11 @@ class Arm:
         """Whether skills are trained for it."""
         return bool(self.skill_overrides or self.later_skill_overrides)
 
+    @property
+    def skills_from(self) -> str:
+        """The system of the skills that it starts from."""
+        return f"{self.owner}/{self.skills}" if self.owner else self.skills
+
     def own_skills(self, subtasks: int, demonstrations: str) -> list[Step]:
         """Demonstrations, training and evaluation of skills of its own.
 
@@ -79,8 +84,7 @@ class Arm:
         if self.whole:
             system = f"system={self.name}"
             return [(self.recipe, system, *self.overrides), ("evaluate", system, "video=false")]
-        skills = f"{self.owner}/{self.skills}" if self.owner else self.skills
-        values = (f"system={self.name}", f"skills={skills}")
+        values = (f"system={self.name}", f"skills={self.skills_from}")
         bonus = () if self.bonus_of is None else (f"{BONUS}{self.bonus_of}",)
         shown = (f"demonstrations_dir={demonstrations}/{self.owner}",) if self.owner else ()
         steps: list[Step] = []
@@ -157,6 +161,14 @@ class DeclaredExperiment:
         """The arms that a seed has, an arm after that whose bonus it needs."""
         chosen = [arm for arm in self.arms if arm.seeds is None or seed in arm.seeds]
         return sorted(chosen, key=lambda arm: arm.bonus_of is not None)
+
+    def declares(self, run: Place) -> bool:
+        """Whether a run is of a declared seed, and an arm or the skills of one."""
+        if run.task not in self.tasks or run.seed not in self.seeds_by_task.get(run.task, self.seeds):
+            return False
+        arms = self.arms_of(run.seed)
+        systems = {arm.name for arm in arms} | {arm.skills_from for arm in arms if not arm.whole}
+        return run.system in systems
 
     def steps(self, subtasks: int, seed: int, only: Container[str] | None = None) -> list[Step]:
         """What a seed's arms, or those named, need, each once: demonstrations, skills, then one arm after another."""

@@ -12,7 +12,6 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
 
-import pandas as pd
 from hydra.errors import HydraException
 from omegaconf.errors import OmegaConfBaseException
 
@@ -20,6 +19,7 @@ from tstar_rl.checks import MissingFileError, UserError
 from tstar_rl.config.command_line import of_the_disk
 from tstar_rl.launch.children import end_children, ended_by_kill, run_child
 from tstar_rl.launch.code_of_commit import environ_of
+from tstar_rl.runs.csv_tables import read_table
 from tstar_rl.runs.run_folder import RECIPES, made_by
 
 __all__ = ["Step", "mean_bonus", "run_recipe", "run_side_by_side"]
@@ -125,10 +125,11 @@ def mean_bonus(metrics: str | Path) -> float:
 
     Raises:
         MissingFileError: if the run has not begun, with the recipe that it is of.
+        LogError: if the table is cut off.
     """
     if not Path(metrics).is_file():
         raise MissingFileError(f"no {metrics}{made_by(metrics)}")
-    table = pd.read_csv(metrics)
+    table = read_table(metrics)
     if "tsr_on_success" not in table:
         return 0.0
     paid = table.dropna(subset=["tsr_on_success"])

@@ -9,7 +9,6 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
 from hydra import compose
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
@@ -20,6 +19,7 @@ from tstar_rl.config.load import ONE_POLICY
 from tstar_rl.config.ranges import chain_length
 from tstar_rl.config.values import plain
 from tstar_rl.launch.side_by_side import Step
+from tstar_rl.runs.csv_tables import read_table
 from tstar_rl.runs.mismatch import (
     CHAINING,
     MACHINE_ONLY,
@@ -45,6 +45,10 @@ __all__ = [
     "step_config",
     "step_files",
 ]
+
+
+UNTRAINING = ("make_demonstrations", "evaluate")
+"""Steps that train nothing."""
 
 
 def passed_on(own: Container[str]) -> list[str]:
@@ -113,8 +117,19 @@ def is_done(step: Step, shared: Sequence[str] = (), ignored: Sequence[str] = ())
 
 
 def missing(steps: Sequence[Step], shared: Sequence[str] = (), ignored: Sequence[str] = ()) -> list[Step]:
-    """Those of the steps that are not done; takes and raises what `is_done` does."""
-    return [step for step in steps if not is_done(step, shared, ignored)]
+    """Those of the steps, in their order, that are not done; takes and raises what `is_done` does.
+
+    Where a training goes on to more steps, so does an evaluation of it that is done.
+    """
+    left: list[Step] = []
+    trained: set[Path] = set()
+    for step in steps:
+        config = step_config(step, shared)
+        outdated = step[0] == "evaluate" and not trained.isdisjoint(evaluated_runs(config))
+        if outdated or not is_done(step, shared, ignored):
+            left.append(step)
+            trained |= set() if step[0] in UNTRAINING else {run_folder(config, "runs_dir")}
+    return left
 
 
 def step_files(step: Step, config: DictConfig) -> list[Path]:
@@ -211,7 +226,7 @@ def _is_evaluated(config: DictConfig) -> bool:
     file = results / "evaluation.csv"
     if not all((run / FINISHED).is_file() for run in runs) or ended_since(file, runs):
         return False
-    table, evaluation = pd.read_csv(file), config.evaluation
+    table, evaluation = read_table(file), config.evaluation
     number = evaluation.whole_episodes if config.subtask is None else evaluation.episodes
     rows = table[(table.seed == config.seed) & (table.episodes == number)]
     rows, asked = rows[rows.checkpoint.isin(list(config.checkpoints))], set(config.modes)

@@ -66,14 +66,14 @@ class MetricsLog:
         self.columns, self.rows = columns, self.rows + 1
 
     def check(self, rows: int) -> None:
-        """Raises a LogError if the file has not as many rows."""
+        """Raises a LogError if the file has not as many whole rows."""
         self._lines(rows)
 
     def truncate(self, rows: int) -> None:
         """Keeps the first `rows` rows; the columns are those of the file.
 
         Raises:
-            LogError: if the file has fewer rows; it stays unchanged.
+            LogError: if the file has fewer whole rows; it stays unchanged.
         """
         if rows == 0:
             self.path.unlink(missing_ok=True)
@@ -84,10 +84,12 @@ class MetricsLog:
         self.columns, self.rows = lines[0].strip().split(","), rows
 
     def _lines(self, rows: int) -> list[str]:
-        """The lines of the file, the header and at least `rows`."""
+        """The whole lines of the file, the header and at least `rows`."""
         lines = self.path.read_text().splitlines(keepends=True) if self.path.is_file() else []
+        if lines and not lines[-1].endswith("\n"):
+            lines.pop()  # it was cut off
         if rows and len(lines) < rows + 1:
-            found = f"has {len(lines) - 1} rows" if lines else "is missing"
+            found = f"has {max(len(lines) - 1, 0)} whole rows" if self.path.is_file() else "is missing"
             raise LogError(f"{self.path} {found}, but its checkpoint counts {rows}: put the table back")
         return lines
 

@@ -120,16 +120,17 @@ class Run:
         else:
             try:
                 begun = as_begun(checkpoint.read_record(found), self.record)
+                checkpoint.read_record(found, **begun)
+                changed = [section for section in begun if begun[section] != self.record[section]]
+                self._stop_if_done(changed)  # before its tables go back to the checkpoint
                 checkpoint.load(found, self.components, **begun)
             except (CheckpointMismatchError, checkpoint.DamagedCheckpointError, LogError) as error:
                 raise type(error)(f"{error} (resume=false starts over)") from error
-            changed = [section for section in begun if begun[section] != self.record[section]]
-            self._stop_if_done(changed)
+            finished.unlink(missing_ok=True)  # first: until it is done again
             note_resumed(self.results, self.env_steps)
             for section in changed:  # that of more steps, if any
                 note_section(self.results, section, self.record[section])
                 (self.results / "evaluation.csv").unlink(missing_ok=True)  # of the run with fewer steps
-            finished.unlink(missing_ok=True)  # until it is done again
         self.bar.update(self.env_steps - self.bar.n)
         self._clock = time.perf_counter()
         return self.env_steps

@@ -54,7 +54,7 @@ def curve_groups(metrics: pd.DataFrame, task: str) -> dict[str, pd.DataFrame]:
     chained = rows["skill"].notna() if "skill" in rows else pd.Series(False, rows.index)
     whole = (rows["subtask"] == -1) & ~chained
     drawn = [name for name in ("success_rate", "trial_progress") if name in rows]
-    trained = chained & rows[drawn].notna().any(axis=1) if drawn else chained
+    trained = chained & rows[drawn].notna().any(axis=1) if drawn else chained & False
     groups = {"skills": rows[rows["subtask"] >= 0], "chains": rows[trained], "single_policies": rows[whole]}
     return {name: group for name, group in groups.items() if len(group)}
 
