@@ -66,8 +66,11 @@ class AssemblyPhysics(Physics):
         self.view.refresh()
 
     def copy(self, share_model: bool = False) -> AssemblyPhysics:
-        """A simulation in the same state; its `reset` undoes all welds, as here."""
-        copied = super().copy(share_model)
+        """A simulation in the same state; its `reset` undoes all welds, as here.
+
+        It has a model of its own, whatever `share_model` says: the poses of welds lie there.
+        """
+        copied = super().copy()
         copied.view.compiled_welds.copy_(self.view.compiled_welds)
         return copied
 

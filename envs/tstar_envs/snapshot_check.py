@@ -172,7 +172,8 @@ class SnapshotCheck:
     def goes_on(self, snapshot: TensorDictBase, mask: Tensor, subtask: int | None) -> None:
         """Checks that episodes of `subtask` (None: the whole task) come to the states in the rows of `mask` (N,).
 
-        Episodes of one subtask are past it by what they completed, if they are stepped on after their success.
+        Episodes of one subtask are past it by what they completed, if they are stepped on after their success. One of
+        subtask 0 that was looks like one of the whole task, so such a state is taken there.
 
         Raises:
             ValueError: one is at another subtask. What was given up, or had not begun, waits for its reset anywhere.

@@ -90,7 +90,7 @@ def test_demonstrations_may_lie_elsewhere():
 
 def test_the_first_skill_of_an_arm_may_be_trained_like_that_of_others():
     wide = {
-        "name": "no_finetuning_wide",
+        "name": "wide",
         "recipe": "policy_sequencing",
         "later_skill_overrides": ["env.arm_noise=0.8"],
     }

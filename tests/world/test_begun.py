@@ -11,6 +11,7 @@ from tstar_envs.environment import BatchedEnvironment
 from tstar_envs.furniture import FurnitureError, library
 from tstar_envs.gymnasium_env import GymnasiumEnv
 from tstar_envs.gymnasium_vector_env import GymnasiumVectorEnv
+from tstar_envs.tasks.begun import Begun
 from tstar_envs.tasks.episode_start import TRIES, StartError
 
 REST = torch.zeros(2, 9)
@@ -35,6 +36,15 @@ def test_a_step_before_a_reset_is_refused():
     other.step(REST, torch.tensor([True, False]))
     with pytest.raises(ValueError, match="begun in simulation 1"):
         other.step(REST)
+
+
+def test_a_mask_that_is_used_again_changes_nothing():
+    begun, mask = Begun("table_lack", torch.ones(2, dtype=torch.bool)), torch.tensor([True, False])
+    begun.add(torch.ones(2, dtype=torch.bool))
+    begun.remove(mask)
+    mask.zero_()
+    with pytest.raises(ValueError, match="begun in simulation 0"):
+        begun.check(None)
 
 
 def unsettled(world, monkeypatch):

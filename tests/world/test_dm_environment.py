@@ -176,14 +176,17 @@ def test_a_keyframe_that_there_is_not_is_told():
         load_dm(TASK, 0, seed=2).physics.reset(keyframe_id=7)
 
 
-def test_a_copy_of_the_physics_undoes_all_welds():
+@pytest.mark.parametrize("share_model", [False, True])
+def test_a_copy_of_the_physics_undoes_all_welds_and_leaves_the_original_s(share_model):
     env = load_dm(TASK, 2, seed=2, preassembled="jitter")
     compiled = env.world.physics.compiled_welds.clone()
     env.reset()
-    copied = env.physics.copy()
+    welds = env.physics.view.eq_data.clone()
+    copied = env.physics.copy(share_model)
     assert (copied.view.eq_data != compiled).any()
     copied.reset()
     assert (copied.view.eq_data == compiled).all()
+    assert torch.equal(env.physics.view.eq_data, welds)
 
 
 @pytest.mark.parametrize("seed", [-1, 1.5, "3", True, 2**64])

@@ -42,6 +42,7 @@ def check_furniture(furniture: Furniture) -> None:
         _check_values(step, f"steps[{i}]")
         _check_step(furniture, step, f"steps[{i}]")
     joined_pieces(furniture)
+    _check_connectors_once(furniture)
     for field in ("contact_impedance", "weld_impedance"):
         value = getattr(furniture, field)
         if value is None:
@@ -77,6 +78,10 @@ def _check_part(part: Part, where: str) -> None:
         at = f"{where}.connectors.{connector.name}"
         check_lengths(f"{at}.pos", connector.pos)
         check_unit(f"{at}.quat", connector.quat, size=4)
+        for angle in connector.allowed_angles:
+            check_number(f"{at}.allowed_degrees", angle)
+        if connector.part != part.name:
+            raise FurnitureError(f"{at}: is said to be of {connector.part!r}, expected {part.name!r}")
     for i, grasp in enumerate(part.grasps):
         check_lengths(f"{where}.grasps[{i}]", grasp.point)
         check_unit(f"{where}.grasps[{i}]", grasp.axis)
@@ -120,6 +125,18 @@ def joined_pieces(furniture: Furniture) -> list[tuple[str, ...]]:
         joined = piece[step.target_part] + piece[step.moving_part]
         piece |= dict.fromkeys(joined, joined)
     return list(dict.fromkeys(piece.values()))
+
+
+def _check_connectors_once(furniture: Furniture) -> None:
+    used: dict[tuple[str, str], int] = {}
+    for i, step in enumerate(furniture.steps):
+        for side in ("moving", "target"):
+            name = getattr(step, f"{side}_part"), getattr(step, f"{side}_connector")
+            if name in used:
+                raise FurnitureError(
+                    f"steps[{i}].{side}_connector: {'.'.join(name)} is joined already, by steps[{used[name]}]"
+                )
+            used[name] = i
 
 
 def _check_step(furniture: Furniture, step: Step, where: str) -> None:

@@ -106,7 +106,7 @@ class Assembly(BatchedTask):
         scene, sound = self.scene(state), ~failed
         state["episode_step"] = state["episode_step"] + 1
         asks = (action[:, CONNECT] > 0) & sound
-        connected = asks & scene.touching & scene.aligned
+        connected = asks & scene.touching & scene.aligned & (state["subtask"] < self.tables.num_steps)
         state["wrong"] = self._wrong_connection(state, scene, asks & ~connected)
         state["failed"] = failed
         state["reward"] = self.step_reward.pay(state, scene, action, connected) * sound

@@ -26,7 +26,7 @@ class Begun:
     def remove(self, mask: Tensor) -> None:
         """The simulations of `mask` (N,) are put back to where no episode was begun."""
         if bool(mask.any()):
-            self._left = mask if self._left is None else self._left | mask
+            self._left = mask.clone() if self._left is None else self._left | mask
 
     def check(self, running: Tensor | None) -> None:
         """Raises a ValueError if one of the simulations `running` (N,), by default of all, has no episode."""

@@ -127,7 +127,9 @@ class _Potentials:
     """Terms first, each once; then the sums: two terms of a summand, three summands of a phase."""
 
     def __init__(self, device: torch.device):
-        used = {term for phase in POTENTIALS.values() for summand in phase for term in summand[1:]}
+        used = dict.fromkeys(
+            term for phase in POTENTIALS.values() for summand in phase for term in summand[1:]
+        )
         terms = sorted((term for term in used if isinstance(term, Term)), key=lambda term: term.rate > 0)
         terms.insert(0, Term("gap", most=0.0, least=0.0))  # stands where there is nothing to add
         self._plain = sum(term.rate == 0 for term in terms)

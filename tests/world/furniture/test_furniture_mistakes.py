@@ -188,6 +188,22 @@ def changed_part(chair, **values):
     return replace(chair, parts=(replace(chair.parts[0], **values), *chair.parts[1:]))
 
 
+def changed_connector(chair, **values):
+    first, *others = chair.parts[0].connectors
+    return changed_part(chair, connectors=(replace(first, **values), *others))
+
+
+def test_a_connector_is_joined_once():
+    table = furniture.load("table_lack")
+    first, second, *others = table.steps
+    copied = replace(second, target_connector=first.target_connector)  # copied, and not changed
+    name = f"{first.target_part}.{first.target_connector}"
+    with pytest.raises(
+        FurnitureError, match=rf"steps\[1\].target_connector: {name} is joined already, by steps\[0\]"
+    ):
+        replace(table, steps=(first, copied, *others))
+
+
 @pytest.mark.parametrize(
     "change, message",
     [
@@ -235,6 +251,11 @@ def changed_part(chair, **values):
             r"parts.seat.initial_pose: got \[2, 0, 0, 0\] of length 2",
         ),
         (lambda c: replace(c, steps=2 * c.steps), r"steps\[1\]: side and seat are one piece by then"),
+        (
+            lambda c: changed_connector(c, allowed_angles=(0.0, float("nan"))),
+            r"parts.seat.connectors.left.allowed_degrees: got nan, expected a finite number",
+        ),
+        (lambda c: changed_connector(c, part="side"), r"left: is said to be of 'side', expected 'seat'"),
     ],
 )
 def test_a_piece_built_in_python_is_checked_as_a_file_is(chair, change, message):

@@ -150,6 +150,19 @@ def test_a_simulation_that_fails_while_the_arm_draws_back_ends_its_episode(monke
     assert torch.isfinite(world.observation()).all()
 
 
+def test_the_last_step_is_made_once():
+    world = make(1, 3, reset_robot=False)
+    connect_one(world)
+    assert world.state["subtask"].item() == 4
+    again = torch.tensor([[0.0] * 7 + [1.0, 1.0]], dtype=torch.float64)
+    world.step(again)  # the hand still holds the part where it was joined
+    scene = world.task.scene(world.state)
+    assert scene.touching.all() and scene.aligned.all()
+    assert (world.state["subtask"].item(), world.state["completed"].item()) == (4, 1)
+    assert not world.state["success"].any()
+    world.restore(world.snapshot())
+
+
 def test_snap_welds_at_the_ideal_pose():
     world = make(1, snap=True)
     connect_one(world)

@@ -14,16 +14,16 @@ def unit(generator: torch.Generator) -> tuple:
 
 
 def chain(seed: int) -> Furniture:
-    """Three parts turned at random: b is joined to a, then a to c, then c to a fourth; so targets have moved before."""
+    """Four parts turned at random: b is joined to a, c to b; then b, which has moved before, to d, with both on it."""
     generator, parts = torch.Generator().manual_seed(seed), []
     for i, name in enumerate("abcd"):
         ends = tuple(
             Connector(end, name, (0.0, 0.0, z), "end", "end", unit(generator))
-            for end, z in (("low", -0.05), ("high", 0.05))
+            for end, z in (("low", -0.05), ("high", 0.05), ("middle", 0.0))
         )
         grasp, pose = Grasp((0.0, 0.0, 0.0), (1.0, 0.0, 0.0)), (0.2 * i, 0.0, 0.05, *unit(generator))
         parts.append(Part(name, pose, (Box((0.02, 0.02, 0.05)),), 500.0, ends, (grasp,)))
-    joins = (("b", "high", "a", "low"), ("c", "high", "b", "low"), ("d", "high", "c", "low"))
+    joins = (("b", "high", "a", "low"), ("c", "high", "b", "low"), ("b", "middle", "d", "low"))
     steps = tuple(Step(m, t, own, other, 0.0, (0.0, 0.0, 0.05)) for m, own, t, other in joins)
     return Furniture("chain", tuple(parts), steps, 0.05)
 
