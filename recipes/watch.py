@@ -31,6 +31,7 @@ class Shown(NamedTuple):
     success: bool
     settings: Mapping[str, Any] = {}
     signals: Mapping[str, StepSignal] = {}
+    links: int | None = None
 
 
 @recipe("watch", path=str, variants=tuple[str, str] | None, noise=float, simulations=int)
@@ -40,7 +41,7 @@ def main(config: DictConfig) -> None:
     sides, logs = both_sides(config, HydraConfig.get().overrides.task), []
     for shown in sides:
         env = environment(config, config.subtask, config.simulations, seed, snapshots=True, **shown.settings)
-        logs.append(log_episodes(env, shown.policy(env.base_env), signals=shown.signals))
+        logs.append(log_episodes(env, shown.policy(env.base_env), signals=shown.signals, enough=shown.links))
     rows = rows_to_show(logs, [shown.success for shown in sides])
     episodes = [log.episode(row, shown.title) for log, row, shown in zip(logs, rows, sides, strict=True)]
     for episode in episodes:
@@ -67,7 +68,12 @@ def both_sides(config: DictConfig, given: Sequence[str]) -> list[Shown]:
     signals = {"d_omega": d_omega_signal(judges)} if judges else {}
     return [
         Shown(
-            _title(chain), lambda env, chain=chain: chain, side > 0, chain_env(chain, config, given), signals
+            _title(chain),
+            lambda env, chain=chain: chain,
+            side > 0,
+            chain_env(chain, config, given),
+            signals,
+            len(chain.policies),
         )
         for side, chain in enumerate(chains)
     ]

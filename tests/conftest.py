@@ -91,6 +91,9 @@ class PointEnv(EnvBase):
     def qpos_of(self, snapshot: TensorDict) -> torch.Tensor:
         return snapshot["physics"][:, :2]
 
+    def one_sided(self, qpos: torch.Tensor) -> torch.Tensor:
+        return qpos
+
     def with_qpos(self, snapshot: TensorDict, qpos: torch.Tensor) -> tuple[TensorDict, torch.Tensor]:
         snapshot = snapshot.clone()
         snapshot["physics"][:, :2] = qpos

@@ -242,6 +242,10 @@ class BatchedEnvironment:
         """Joint positions (n, nq) of snapshots [n]; see `state_edit`."""
         return self._editor.qpos_of(snapshot)
 
+    def one_sided(self, qpos: Tensor) -> Tensor:
+        """Positions (n, nq) with the quaternions of each part on one side; see `state_edit`."""
+        return self._editor.one_sided(qpos)
+
     def with_qpos(self, snapshot: TensorDict, qpos: Tensor) -> tuple[TensorDict, Tensor]:
         """Snapshots [n] at positions (n, nq), and which are possible, (n,); see `state_edit`."""
         return self._editor.with_qpos(snapshot, qpos)

@@ -75,6 +75,15 @@ def compose_pose(p1: Tensor, q1: Tensor, p2: Tensor, q2: Tensor) -> tuple[Tensor
     return p1 + quat_rotate(q1, p2), quat_mul(q1, q2)
 
 
+def one_sided(q: Tensor) -> Tensor:
+    """Quaternions (n, 4) with the signs that put them on one side, the first one's: q and -q are one rotation.
+
+    The sides are those of their main axis, so that no heap of near ones is split. What is on one side stays as it is.
+    """
+    along = q @ torch.linalg.eigh(q.T @ q).eigenvectors[:, -1]
+    return torch.where(((along < 0) != (along[:1] < 0)).unsqueeze(-1), -q, q)
+
+
 def up_axis(q: Tensor) -> Tensor:
     """The z axis (..., 3) of frames q (..., 4)."""
     w, x, y, z = q.unbind(-1)

@@ -34,6 +34,14 @@ class StateEditor:
         """Joint positions (n, nq) of snapshots [n], quaternions with the signs that observations show."""
         return snapshot["physics"][:, self._slice(_QPOS)].clone()
 
+    def one_sided(self, qpos: Tensor) -> Tensor:
+        """Positions (n, nq) with the quaternions of each part on one side, so that they have a mean and a spread."""
+        qpos = qpos.clone()
+        for part in range(self.tables.num_parts if len(qpos) else 0):
+            quats = slice(sawyer.NUM_QPOS + 7 * part + 3, sawyer.NUM_QPOS + 7 * (part + 1))
+            qpos[:, quats] = geometry.one_sided(qpos[:, quats])
+        return qpos
+
     def with_qpos(self, snapshot: TensorDictBase, qpos: Tensor) -> tuple[TensorDict, Tensor]:
         """Snapshots [n] at positions (n, nq), at rest, welds at the parts' new relative poses.
 

@@ -30,6 +30,8 @@ def test_a_floor_can_be_raised_after_the_fact():
     assert normalizer.raise_to(0.01) == 0 and float(normalizer.scale[0]) == pytest.approx(0.02)
     with pytest.raises(ValueError, match="a floor must be positive, got 0"):
         normalizer.raise_to(0.0)
+    with pytest.raises(ValueError, match="a floor must be positive, got 0"):
+        normalizer.fit(torch.zeros(3, 2), floor=0.0)
 
 
 def test_deviations_are_widened_to_those_of_other_states():

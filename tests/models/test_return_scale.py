@@ -17,6 +17,14 @@ def test_return_scale_by_hand():
     assert float(carried) == 4.0
 
 
+def test_returns_that_are_all_alike_leave_rewards_as_they_are():
+    scale, reward = ReturnScale(), torch.full((1, 1, 1), 3.0)
+    scaled, _ = scale(reward, torch.zeros(1, 1, 1, dtype=torch.bool), torch.zeros(1, 1), 0.99)
+    assert float(scaled) == 3.0
+    scaled, _ = scale(reward + 2, torch.zeros(1, 1, 1, dtype=torch.bool), torch.zeros(1, 1), 0.99)
+    assert float(scaled) == 5.0  # returns 3 and 5 have a deviation of 1
+
+
 def test_return_scale_in_parts_is_that_of_the_whole():
     torch.manual_seed(0)
     reward, done = torch.randn(3, 8, 1), torch.rand(3, 8, 1) < 0.2

@@ -1,7 +1,9 @@
 """Policy Sequencing's starts in the real environment."""
 
+import mujoco
 import pytest
 import torch
+from tensordict import TensorDict
 from torchrl.envs import ExplorationType, set_exploration_type
 
 from tstar_rl import FurnitureEnv
@@ -32,6 +34,27 @@ def test_gaussian_starts_look_like_the_states_they_are_fitted_to():
         nearest = (quats @ seen[:, PARTS].view(-1, 5, 7)[:, part, 3:].T).amax(-1)
         assert (nearest > 0.98).all(), part
     assert gaussian.counts["drawn"] >= 32 and gaussian.counts["given_up"] == 0
+
+
+def test_quaternions_of_both_signs_have_one_gaussian():
+    env = FurnitureEnv("table_lack", 8, 0, nthread=1, seed=0, snapshots=True)
+    snapshot = env.reset()["snapshot"]
+    leg = slice(9 + 7 * 3 + 3, 9 + 7 * 4)
+    fitted = []
+    for turned in (
+        [],
+        [1, 4, 5, 7],
+    ):  # the same rotations of one leg, of these simulations with the other sign
+        qpos = env.qpos_of(snapshot)
+        qpos[turned, leg] *= -1
+        reached, both = TerminationSet(8), snapshot.clone()
+        both["physics"][:, env.world._editor._slice(mujoco.mjtState.mjSTATE_QPOS)] = qpos
+        reached.extend(TensorDict({"observation": torch.zeros(8, 72), "snapshot": both}, [8]))
+        gaussian = TerminalGaussian(env, reached)
+        gaussian.fit()
+        fitted.append((gaussian.mean, gaussian.factor @ gaussian.factor.T))
+    assert torch.equal(fitted[0][0], fitted[1][0]) and torch.allclose(*(spread for _, spread in fitted))
+    assert fitted[0][0][leg].norm() > 0.99
 
 
 def test_positions_written_back_change_nothing():

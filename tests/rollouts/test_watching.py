@@ -37,6 +37,8 @@ def test_a_shorter_chain_has_succeeded_after_its_last_link(policy):
     assert done.any() and not last["next", "success"].any()  # the environment has four subtasks
     assert torch.equal(log.successes(), done)
     assert torch.equal(log.lengths(), last["next", "step_count"].squeeze(-1))
+    env = with_starts(PointChain("table_lack", num_envs=20, snapshots=True))
+    assert record_episode(env, policy, "two links", success=True, enough=2)["success"]
 
 
 def test_the_first_episode_that_ended_so_is_given(make_env):

@@ -60,6 +60,13 @@ def test_nothing_is_noted_after_an_episode_is_done_nor_of_its_first_skill():
     assert watched({"skill": [0], "at": [lying]}, ended) == []
 
 
+def test_nothing_is_noted_once_the_last_skill_has_succeeded():
+    lying = ((0.0, 0.0), (0.0, 0.0))
+    steps = [{"skill": [skill, 0], "at": [lying, lying]} for skill in (0, 1, 2)]
+    found = watched(*steps)  # a chain of two skills, and an environment in which a third could follow
+    assert [seam["skill"] for seam in found] == [1]
+
+
 def measure(folder, *values: str) -> None:
     places = [f"{place}_dir={folder / place}" for place in ("results", "runs")]
     with initialize_config_dir(str(CONFIGS), version_base="1.3"):

@@ -46,7 +46,7 @@ class RecoverySettings:
     """Of one way home, after which the skill acts wherever the arm is."""
 
     def __post_init__(self) -> None:
-        check_ranges(self, share=("at_most",), count=("patience", "most_steps"))
+        check_ranges(self, positive_share=("at_most",), count=("patience", "most_steps"))
         if self.blind and not self.uses_f:
             raise InvalidValueError(
                 "recovery.blind draws as often as F would send the arm home, and F has no say: recovery.at_most must "

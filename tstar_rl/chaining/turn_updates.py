@@ -109,12 +109,12 @@ class TurnUpdates(Training):
         Raises:
             InvalidValueError: the critic alone would learn in all turns of a skill.
         """
-        rollouts = self.chain.settings.rounds * self.chain.rollouts
+        turns = self.chain.settings.rounds if self.chain.settings.carry_over else 1  # else each begins anew
+        rollouts = turns * self.chain.rollouts
         if rollouts <= (warm_up := self.settings.ppo.critic_warmup):
             raise InvalidValueError(
-                f"no policy would be trained: {self.chain.settings.rounds} turns of a skill have {rollouts} rollouts, "
-                f"and its critic alone learns from the first {warm_up}. Lower chain.ppo.critic_warmup, or raise "
-                "chain.steps_per_turn"
+                f"no policy would be trained: {turns} turns of a skill have {rollouts} rollouts, and its critic alone "
+                f"learns from the first {warm_up}. Lower chain.ppo.critic_warmup, or raise chain.steps_per_turn"
             )
         return self.kept.get("update_policy") or super().policy_update()
 

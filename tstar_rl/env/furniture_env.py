@@ -110,6 +110,10 @@ class FurnitureEnv(EnvBase):
         """Joint positions in snapshots of batch [n]: (n, nq) float64; free bodies as position and quaternion."""
         return self.world.qpos_of(snapshot)
 
+    def one_sided(self, qpos: Tensor) -> Tensor:
+        """Joint positions (n, nq) with the quaternions of each part on one side; q and -q are one rotation."""
+        return self.world.one_sided(qpos)
+
     def with_qpos(self, snapshot: TensorDictBase, qpos: Tensor) -> tuple[TensorDict, Tensor]:
         """Snapshots [n] at other joint positions (n, nq), at rest, and which of them are possible, (n,) bool."""
         return self.world.with_qpos(snapshot, qpos)

@@ -47,8 +47,9 @@ class Normalizer(nn.Module):
         """Adds obs (..., obs_dim) to the running statistics, in place (Chan's parallel form of Welford's).
 
         Raises:
-            ValueError: if the observations are of another size.
+            ValueError: if the observations are of another size, or the floor is not positive.
         """
+        _check_floor(floor)
         if obs.shape[-1] != len(self.loc):
             raise ValueError(
                 f"observations of {len(self.loc)} numbers are normalised here, got {obs.shape[-1]}: are they of "
@@ -80,8 +81,7 @@ class Normalizer(nn.Module):
         Raises:
             ValueError: if the floor is not positive.
         """
-        if not floor > 0:
-            raise InvalidValueError(f"a floor must be positive, got {floor}")
+        _check_floor(floor)
         below = int((self.scale < floor).sum())
         self.scale.clamp_(min=floor)
         return below
@@ -120,11 +120,15 @@ class Standardizer(Normalizer):
     floor: Tensor
 
     def __init__(self, obs_dim: int, floor: float, clip: float = 5.0) -> None:
-        if not floor > 0:
-            raise ValueError(f"a floor must be positive, got {floor}")
+        _check_floor(floor)
         super().__init__(obs_dim, clip)
         self.register_buffer("floor", torch.tensor(floor, dtype=torch.float64))
 
     def standardize(self, obs: Tensor) -> None:
         """Sets the statistics to those of obs (..., obs_dim); raises what `update` does."""
         self.fit(obs, float(self.floor))
+
+
+def _check_floor(floor: float) -> None:
+    if not floor > 0:
+        raise InvalidValueError(f"a floor must be positive, got {floor}")

@@ -19,8 +19,8 @@ class ReturnScale(nn.Module):
 
     @property
     def deviation(self) -> Tensor:
-        """Scalar, by which rewards are divided."""
-        return self.var.sqrt().clamp_min(1e-8)
+        """Scalar, by which rewards are divided; 1 while all returns were alike."""
+        return torch.where(self.var > 0, self.var.sqrt().clamp_min(1e-8), 1.0)
 
     @torch.no_grad()
     def forward(self, reward: Tensor, done: Tensor, carried: Tensor, gamma: float) -> tuple[Tensor, Tensor]:

@@ -16,6 +16,8 @@ class _Posable(Protocol):
 
     def qpos_of(self, snapshot: TensorDictBase) -> Tensor: ...
 
+    def one_sided(self, qpos: Tensor) -> Tensor: ...
+
     def with_qpos(self, snapshot: TensorDictBase, qpos: Tensor) -> tuple[TensorDictBase, Tensor]: ...
 
 
@@ -27,7 +29,7 @@ class TerminalGaussian:
     row still refused after `tries` is the member itself. It is fitted anew whenever the set has changed.
 
     Args:
-        env: with `qpos_of` and `with_qpos`.
+        env: with `qpos_of`, `one_sided` and `with_qpos`.
         termination_set: of the skill before.
         tries: draws for one row at most.
 
@@ -45,7 +47,7 @@ class TerminalGaussian:
 
     def fit(self) -> None:
         """Sets mean (nq,) and factor (nq, nq), with factor @ factor.T the covariance of the set's positions."""
-        qpos = self.env.qpos_of(self.termination_set.all()["snapshot"]).double()
+        qpos = self.env.one_sided(self.env.qpos_of(self.termination_set.all()["snapshot"]).double())
         self.mean = qpos.mean(0)
         deviation = qpos - self.mean
         covariance = deviation.T @ deviation / max(len(qpos) - 1, 1)

@@ -132,6 +132,7 @@ def log_episodes(
     policy: Callable[[TensorDictBase], TensorDictBase],
     number: int | None = None,
     signals: Mapping[str, StepSignal] | None = None,
+    enough: int | None = None,
 ) -> EpisodeLog:
     """Runs a deterministic episode of every simulation of `env`, from `with_starts` and with snapshots=True.
 
@@ -140,10 +141,11 @@ def log_episodes(
         policy: any: reads and writes TensorDicts of batch [N].
         number: see `EpisodeLog`.
         signals: what else to show of each step, by name.
+        enough: subtasks of a chain that is shorter than the task, after which an episode has succeeded; None: all.
     """
-    log = EpisodeLog(env.base_env, number, signals)
+    log = EpisodeLog(env.base_env, number, signals, enough)
     with set_exploration_type(ExplorationType.DETERMINISTIC):
-        run_episodes(env, policy, log)
+        run_episodes(env, policy, log, enough)
     return log
 
 
@@ -153,8 +155,9 @@ def record_episode(
     title: str,
     success: bool | None = None,
     signals: Mapping[str, StepSignal] | None = None,
+    enough: int | None = None,
 ) -> dict[str, Any]:
-    """One episode of a policy for `FurnitureEnv.write_player`; `env`, `policy` and `signals` as in `log_episodes`.
+    """One episode of a policy for `FurnitureEnv.write_player`; what is not said here is as in `log_episodes`.
 
     Args:
         env: see there.
@@ -162,8 +165,9 @@ def record_episode(
         title: shown above it.
         success: the first episode that ended so is given, or simulation 0's where none did; None: simulation 0's.
         signals: see there.
+        enough: see there.
     """
-    log = log_episodes(env, policy, None if success is not None else 1, signals)
+    log = log_episodes(env, policy, None if success is not None else 1, signals, enough)
     (row,) = (0,) if success is None else rows_to_show([log], [success])
     return log.episode(row, title)
 

@@ -18,10 +18,13 @@ class Attempts:
     Args:
         parts: by the name of a column, a part of each subtask, by its place in the observation: the one that it moves,
             say.
+
+    Attributes:
+        skills: how many there are.
     """
 
     def __init__(self, parts: Mapping[str, Sequence[int]]) -> None:
-        self.parts = parts
+        self.parts, self.skills = parts, min(map(len, parts.values()))
         self._found: list[dict[str, Any]] = []
         self._open: dict[int, dict[str, Any]] = {}
 

@@ -30,7 +30,8 @@ class MovedParts:
         poses = part_poses(tensordict["observation"])
         if self._skill is None:
             self._skill, self._began_at = skill.clone(), poses.clone()
-        for row in ((skill != self._skill) & ~done).nonzero().squeeze(-1).tolist():
+        taken_over = (skill != self._skill) & (skill < self._attempts.skills) & ~done
+        for row in taken_over.nonzero().squeeze(-1).tolist():
             values = {"skill": int(skill[row]), "step": int(tensordict["step_count"][row])}
             self._attempts.begin(row, values, self._began_at[row], poses[row])
         self._attempts.end(tensordict, done)
