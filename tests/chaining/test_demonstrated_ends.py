@@ -124,9 +124,16 @@ def test_the_critic_of_a_clone_warms_up_for_as_many_steps_as_in_a_first_training
 
 
 def test_turns_in_which_no_policy_would_be_trained_are_refused(asked):
-    """A turn of a rollout, and one round."""
-    with pytest.raises(InvalidValueError, match="1 turns of a skill have 1 rollouts, .* from the first 1"):
-        asked("in_order", "chain.ppo.critic_warmup=1")
+    """A turn of a rollout, and one round; or more, each of which begins anew."""
+    warm_up, anew = (
+        "chain.ppo.critic_warmup=1",
+        ("demonstrated_ends=0", "chain.rounds=4", "chain.carry_over=false"),
+    )
+    for values in ((), anew):
+        with pytest.raises(
+            InvalidValueError, match="1 turns of a skill have 1 rollouts, .* from the first 1"
+        ):
+            asked("in_order", warm_up, *values, "resume=false")
 
 
 @pytest.mark.parametrize(("recipe", "learns"), [("in_order", True), ("in_order_cloned", False)])

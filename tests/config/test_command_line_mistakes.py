@@ -49,6 +49,7 @@ MISTAKES = [
     ("gail_ppo", ["env.velocity_scale=2"], r"velocity_scale must be in \(0, 1\], got 2"),
     ("gail_ppo", ["demonstrations.kind=clean"], "demonstrations.kind must be one of plain, noisy; got 'clean'"),
     ("gail_ppo", ["collection.backend=dask"], "collection.backend must be one of local, ray; got 'dask'"),
+    ("tstar", ["launch=ray"], "launch must be local for tstar, got ray: .* that start others, ablate, assemble"),
     ("assemble", ["launch=slurm"], "launch must be one of local, ray; got 'slurm'"),
     ("gail_ppo", ["physics=isaac"], "physics must be one of mujoco, warp, null; got 'isaac'"),
     ("gail_ppo", ["device=cpu:0"], "device must be cpu, cuda or cuda:<number>, got 'cpu:0'"),

@@ -14,6 +14,8 @@ ONE_POLICY = ("bc", "ppo", "gail", "gail_ppo", "spirl")
 """Recipes that train one policy, of a subtask or of the whole task."""
 WHOLE = ("ablate", "assemble", "baselines", "experiment", "gpu_run")
 """Recipes that start others for the whole task."""
+LAUNCHING = ("ablate", "assemble", "baselines")
+"""Those of them that can start them on a cluster."""
 OF_CHAINS = ("hand_over", "hand_over_gap", "moved_parts", "ship", "terminal_states", "ways_home")
 """Recipes that read what a chain's training has left."""
 FINE_TUNING = (
@@ -21,6 +23,17 @@ FINE_TUNING = (
     "tstar",
 )  # fmt: skip
 """Our recipes with the turns of a chain. A recipe of a user's own may read anything."""
+STEPS = (
+    *ONE_POLICY,
+    *FINE_TUNING,
+    *OF_CHAINS,
+    "evaluate",
+    "floored",
+    "make_demonstrations",
+    "recover",
+    "refitted",
+)
+"""Our recipes that start no other."""
 PAPERS = {"score": "terminal", "baseline": "none"}
 """Of terminal_reward: the paper's, which every scale has."""
 CHAINED = "chain.links takes the first skills of a chain"
@@ -45,6 +58,11 @@ def check_what_is_not_read(values: Mapping[str, Any], name: str) -> None:
         raise ConfigError(
             f"system must be left out, got {values['system']}: {name} starts other recipes, each of which names its "
             "own run; results_dir=... and runs_dir=... keep runs apart"
+        )
+    if values["launch"] != "local" and name in STEPS:
+        raise ConfigError(
+            f"launch must be local for {name}, got {values['launch']}: it is for recipes that start others, "
+            f"{', '.join(LAUNCHING)}; collection.backend=ray collects rollouts on a cluster"
         )
     if values["env"].get("max_steps") is not None and trains:
         limits = "training.max_steps and chain.trial_max_steps" if chains else "training.max_steps"

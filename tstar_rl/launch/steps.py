@@ -55,10 +55,16 @@ def passed_on(own: Container[str]) -> list[str]:
     """The values on this recipe's command line that the recipes which it starts are given too.
 
     Args:
-        own: keys and sections that only this recipe knows; values of these are left out.
+        own: keys and sections that only this recipe knows; values of these are left out, and launch, for the recipes
+            that are started start none.
     """
     given = HydraConfig.get().overrides.task
-    return [value for value in given if re.split(r"[.=]", value.lstrip("+~"), maxsplit=1)[0] not in own]
+    sections = [re.split(r"[.=]", value.lstrip("+~"), maxsplit=1)[0] for value in given]
+    return [
+        value
+        for section, value in zip(sections, given, strict=True)
+        if section not in own and section != "launch"
+    ]
 
 
 def chosen_scale() -> str:
