@@ -11,8 +11,10 @@ from published_runs import THEIRS, evaluation
 from tstar_rl.analysis.experiments import compare_arms, read_experiment
 from tstar_rl.analysis.page import curve_groups, replace_block, results_head, results_page, runs_page
 from tstar_rl.analysis.page.contents import read_contents
+from tstar_rl.analysis.page.experiment import answers
 from tstar_rl.analysis.page.markdown import arm_label, arm_order, over_seeds
 from tstar_rl.analysis.page.sections import comparison, skills
+from tstar_rl.analysis.statistics import holm
 
 ROOT = Path(__file__).resolve().parents[2]
 PUBLISHED = ROOT / "results" / "published"
@@ -30,19 +32,19 @@ def test_the_pages_and_the_readme_are_what_the_published_tables_say():
 
 
 QUOTED = [
-    "tstar_costliest - buffer_costliest", "tstar - buffer_bonus", "gaussian - no_finetuning",
+    "tstar - buffer_bonus", "tstar - buffer", "tstar_costliest - buffer_costliest",
     "further_training: buffer - own_starts", "further_training: own_starts - no_finetuning",
-    "buffer_costliest - buffer", "in_order_cloned - tstar", "recovery: recover_always - no_finetuning",
-    "input_floor: floored - no_finetuning",
-    "from_scratch: tstar - gaussian", "tstar_between_costliest - buffer_costliest", "tstar_between - buffer_bonus",
-    "tstar - buffer", "feasibility_costliest - buffer_costliest",
+    "buffer - no_finetuning", "gaussian - no_finetuning", "buffer_costliest - buffer",
+    "in_order_cloned - tstar", "recovery: recover_always - no_finetuning", "input_floor: floored - no_finetuning",
+    "from_scratch: tstar - gaussian", "input_floor: tstar - gaussian",
+    "tstar_between_costliest - buffer_costliest", "tstar_between - buffer_bonus",
+    "feasibility_costliest - buffer_costliest", "from_scratch: floored - no_finetuning",
     "input_floor: tstar - no_finetuning", "input_floor: floored - tstar", "input_floor: tstar - gaussian",
     "buffer_costliest - buffer", "tstar_costliest - tstar", "in_order_demonstrated - in_order",
     "wider_starts_costliest - tstar", "wider_starts_costliest - gaussian", "wider_starts_costliest - buffer_costliest",
     "recovery: recover_always - no_finetuning",
     "in_order_cloned - gaussian", "no_finetuning_jittered - no_finetuning", "gaussian - no_finetuning_jittered",
-    "gaussian - no_finetuning", "further_training: buffer - own_starts",
-    "in_order - tstar", "buffer_costliest - buffer", "tstar_costliest - tstar",
+    "gaussian - no_finetuning", "in_order - tstar", "buffer_costliest - buffer", "tstar_costliest - tstar",
     "tstar_costliest - buffer_costliest", "feasibility_costliest - buffer_costliest",
     "from_scratch: tstar - gaussian", "from_scratch: tstar - buffer_bonus", "from_scratch: floored - no_finetuning",
     "recovery: recover_always - no_finetuning", "recovery: recover - recover_blind",
@@ -81,6 +83,18 @@ def test_differences_in_the_text_are_those_of_the_tables_and_their_intervals_are
         if [value, *ends] != expected:
             wrong.append(f"{named}: {value}{words}95%: {' to '.join(ends)}, but it is {', '.join(expected)}")
     assert not wrong
+
+
+def test_what_the_notes_say_of_a_correction_for_all_questions_of_an_experiment():
+    (entry,) = (one for one in read_contents(PUBLISHED).experiments if one.folder.name == "beyond_tstar")
+    experiment = read_experiment(PUBLISHED / "beyond_tstar")
+    rows = experiment.chosen("table_lack")
+    told = answers(experiment, PAPER, entry, "table_lack").splitlines()[2:]
+    corrected = holm([compare_arms(rows, question.pairs)["p_value"].max() for question in entry.questions])
+    yes = [round(p, 2) for p, said in zip(corrected, told, strict=True) if said.endswith("**yes** |")]
+    assert (len(corrected), sorted(yes)) == (18, [0.09, 0.09, 0.49, 0.53])
+    assert "asks eighteen questions" in NOTES and ".09 for both about demonstrations" in NOTES
+    assert ".49 for wider starts, .53 for whose turn it is" in NOTES
 
 
 def test_every_figure_of_the_page_is_there_and_no_other():

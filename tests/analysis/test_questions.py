@@ -15,8 +15,8 @@ def compared(first="a", second="b", difference=0.1, half=0.05, seeds=10, **more)
     return {**row, **ends, "improvement": 1.0, "corrected": 0.001, **more}
 
 
-def said(*rows: dict, pairs=(("a", "b"),), **rule) -> str:
-    return answer(Question("Does it?", pairs, 10, **rule), pd.DataFrame(rows))
+def said(*rows: dict, pairs=(("a", "b"),), seeds=10, **rule) -> str:
+    return answer(Question("Does it?", pairs, seeds, **rule), pd.DataFrame(rows))
 
 
 @pytest.mark.parametrize(
@@ -48,6 +48,10 @@ def said(*rows: dict, pairs=(("a", "b"),), **rule) -> str:
 )
 def test_an_answer_follows_the_intervals_and_the_margin(row, expected):
     assert said(row, margin=0.05) == expected
+
+
+def test_few_seeds_say_nothing_of_how_many_would_do():
+    assert said(compared(difference=0.02, half=0.04, seeds=5), seeds=5, margin=0.05) == "not decided"
 
 
 def test_without_a_margin_there_is_no_no_but_for_what_is_lower():

@@ -10,6 +10,8 @@ __all__ = ["Question", "answer", "seeds_to_decide"]
 
 MOST_SEEDS = 1_000
 """Beyond these a number of seeds is not looked for."""
+FEWEST_SEEDS = 10
+"""With fewer the spread is too uncertain to say how many would do."""
 POWER = 0.8
 """Chance with which that number of seeds would decide."""
 
@@ -61,6 +63,8 @@ def answer(question: Question, found: pd.DataFrame) -> str:
         return "not shown"
     if ((rows["high"] < question.margin) & (rows["difference"] + rows["t_half"] < question.margin)).all():
         return f"no: a gain of {question.margin:g} is ruled out"
+    if measured < FEWEST_SEEDS:
+        return "not decided"
     needed = [seeds_to_decide(*one, question.margin, measured) for one in zip(*_spread(rows), strict=True)]
     return f"not decided; {max(needed)} seeds probably would" if all(needed) else "not decided"
 

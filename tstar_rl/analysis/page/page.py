@@ -58,8 +58,11 @@ many skills start from parts that were jittered as in training, which can be har
 then the gap is negative, and the product no bound. Arms whose skills have other starts alone than these have neither.
 
 Answers to questions: *yes* and *no* follow the rule that was declared. *Not shown*: a rule that asks for much was not
-met. *Not decided*: neither a gain nor its absence can be told. *N seeds probably would*: with N seeds the interval
-would exclude one of the two in four of five cases, if mean and spread stay what they are.
+met, a probability of improvement of .95, say. That compares any seed with any other: it says how far arms are apart,
+not how sure we are, and an arm that is ahead on nine of ten paired seeds can have .70. *Not decided*: neither a gain
+nor its absence can be told; where an interval is wider than .05 to each side, *no* was hardly within reach. *N seeds
+probably would*: with N seeds the interval would exclude one of the two in four of five cases, if mean and spread stay
+what they are.
 """
 
 
