@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tstar_rl.analysis import interquartile_interval
+from tstar_rl.analysis import improvement_over_tasks, interquartile_interval, profile_over_tasks
 from tstar_rl.analysis import statistics as ours
 
 
@@ -117,14 +117,14 @@ def test_means_of_thirds_that_tie_are_ties():
 
 def test_interval_of_the_probability_of_improvement():
     low, high = [[0.1], [0.2], [0.3]], [[0.7], [0.8], [0.9]]
-    assert ours.improvement_interval(high, low, rng()) == (1.0, 1.0, 1.0)
-    same = ours.improvement_interval(low, low, rng())
+    assert improvement_over_tasks([high], [low], rng()) == (1.0, 1.0, 1.0)
+    same = improvement_over_tasks([low], [low], rng())
     assert same.value == 0.5 and same.low < 0.2 and same.high > 0.8
 
 
 def test_performance_profile_by_hand():
     assert ours.performance_profile([0.2, 0.5, 0.9, 0.9], [0.0, 0.5, 0.89, 0.9]).tolist() == [1, 0.5, 0.5, 0]
-    profile, low, high = ours.profile_band([[0.2], [0.5], [0.9], [0.9]], [0.0, 0.5, 0.95], rng())
+    profile, low, high = profile_over_tasks([[[0.2], [0.5], [0.9], [0.9]]], [0.0, 0.5, 0.95], rng())
     assert profile.tolist() == [1, 0.5, 0]
     # Of four drawn seeds, how many lie above 0.5 is binomial: none or all with probability 1/16 > 2.5%.
     assert low.tolist() == [1, 0, 0] and high.tolist() == [1, 1, 0]
@@ -139,4 +139,4 @@ def test_the_same_generator_gives_the_same_interval():
 def test_no_seed_or_no_episode_is_refused():
     for scores in ([], [[]]):
         with pytest.raises(ValueError, match="at least one seed, and at least one episode"):
-            ours.improvement_interval(scores, [[1.0]], rng())
+            improvement_over_tasks([scores], [[[1.0]]], rng())

@@ -21,7 +21,6 @@ from tstar_rl.analysis.figures.states import hand_over_matrix, reliability_figur
 from tstar_rl.analysis.figures.tasks import tasks_figure
 from tstar_rl.analysis.over_tasks import tasks_table
 from tstar_rl.analysis.statistics import (
-    improvement_interval,
     interquartile_mean,
     paired_difference,
     performance_profile,
@@ -58,7 +57,6 @@ __all__ = [
     "evaluation_table",
     "hand_over_gaps",
     "hand_over_matrix",
-    "improvement_interval",
     "improvement_over_tasks",
     "interquartile_interval",
     "interquartile_mean",

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from tstar_rl.analysis.statistics import improvement_interval, paired_difference, seed_means
+from tstar_rl.analysis.statistics import paired_difference, seed_means
 from tstar_rl.analysis.tables import (
     config_of,
     episode_progress,
@@ -24,7 +24,7 @@ from tstar_rl.analysis.tables import (
     read_hand_over,
     short_commit,
 )
-from tstar_rl.analysis.task_statistics import interquartile_interval
+from tstar_rl.analysis.task_statistics import improvement_over_tasks, interquartile_interval
 from tstar_rl.runs.run_folder import is_untrained, run_path
 
 __all__ = [
@@ -184,7 +184,7 @@ def _compare(first: Kept, second: Kept) -> Mapping[str, Any]:
         return {}
     found = paired_difference(one, other, np.random.default_rng(SEED))
     both = [[arm[seed] for seed in sorted(set(one) & set(other))] for arm in (one, other)]
-    better = improvement_interval(*both, np.random.default_rng(SEED))
+    better = improvement_over_tasks(*([scores] for scores in both), np.random.default_rng(SEED))
     line = {"seeds": found.seeds, "difference": found.value}
     line |= {"low": found.low, "high": found.high, "t_half": found.t_half, "p_value": found.p_value}
     line |= {"improvement": better.value, "improvement_low": better.low, "improvement_high": better.high}

@@ -21,13 +21,11 @@ __all__ = [
     "drawn_means",
     "drawn_seeds",
     "holm",
-    "improvement_interval",
     "interquartile_mean",
     "interval_ends",
     "paired_difference",
     "performance_profile",
     "probability_of_improvement",
-    "profile_band",
     "resampled_means",
     "seed_means",
     "student_half",
@@ -196,18 +194,6 @@ def probability_of_improvement(first: ArrayLike, second: ArrayLike) -> Array:
     return ((pairs > 0) + 0.5 * (pairs == 0)).mean((-2, -1))
 
 
-def improvement_interval(
-    first: Scores, second: Scores, rng: np.random.Generator, resamples: int = RESAMPLES
-) -> Interval:
-    """Probability that a seed of `first` has a higher mean than a seed of `second`, with its interval.
-
-    Source: Agarwal et al. 2021, section 4.3; see `probability_of_improvement`.
-    """
-    value = probability_of_improvement(seed_means(first), seed_means(second))
-    draws = [drawn_means(scores, rng, resamples) for scores in (first, second)]
-    return Interval(float(value), *interval_ends(probability_of_improvement(*draws)))
-
-
 def performance_profile(values: ArrayLike, thresholds: ArrayLike) -> Array:
     """Share of the last axis of `values` (..., n) that is above each threshold: (..., thresholds).
 
@@ -215,15 +201,3 @@ def performance_profile(values: ArrayLike, thresholds: ArrayLike) -> Array:
     """
     found = np.asarray(values, dtype=float)[..., None] > np.asarray(thresholds, dtype=float)
     return found.mean(-2)
-
-
-def profile_band(
-    scores: Scores, thresholds: ArrayLike, rng: np.random.Generator, resamples: int = RESAMPLES
-) -> tuple[Array, Array, Array]:
-    """The performance profile of the seeds' means, and the lower and the upper end of its band, each (thresholds,).
-
-    Source: Agarwal et al. 2021, section 4.2; pointwise 95%.
-    """
-    drawn = performance_profile(drawn_means(scores, rng, resamples), thresholds)
-    low, high = np.quantile(drawn, (0.025, 0.975), axis=0)
-    return performance_profile(seed_means(scores), thresholds), low, high

@@ -107,7 +107,7 @@ def improvement_over_tasks(
     """Probability that a seed of `first` beats a seed of `second` on the same task, mean over tasks, with its interval.
 
     Args:
-        first: scores of each task.
+        first: scores of each task. One task: `[scores]`.
         second: the same of the other arm; tasks in the same order.
         rng: draws seeds and episodes.
         resamples: of the bootstrap.

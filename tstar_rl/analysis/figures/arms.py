@@ -19,7 +19,7 @@ from tstar_rl.analysis.figures.panels import (
     panels,
     readable,
 )
-from tstar_rl.analysis.statistics import profile_band
+from tstar_rl.analysis.task_statistics import profile_over_tasks
 
 __all__ = [
     "ablation_figure",
@@ -89,7 +89,7 @@ def arms_figure(
     for place, (arm, seeds) in enumerate(scores.items()):
         if arm not in drawn:
             continue
-        band = profile_band(list(seeds.values()), THRESHOLDS, np.random.default_rng(SEED))
+        band = profile_over_tasks([list(seeds.values())], THRESHOLDS, np.random.default_rng(SEED))
         draw_profile(profile, place, band if len(drawn) <= MOST_BANDS else band[:1])
         beside = {"transform": success.get_yaxis_transform(), "clip_on": False}
         success.plot(KEY, [place] * 2, **beside, **arm_line(place))
