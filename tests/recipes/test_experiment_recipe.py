@@ -77,6 +77,22 @@ def test_a_step_that_fails_is_told_at_the_end(queue):
         queue(takes=fails)
 
 
+def test_where_a_step_fails_what_is_finished_and_declared_is_published(queue, tmp_path):
+    def fails(step):
+        raise SystemExit("this step failed: " + step[0])
+
+    for arm, seed in (("tstar", 310), ("tstar", 1), ("mine", 310)):
+        run = tmp_path / f"results/shelf/chair_agne/{arm}/seed{seed}"
+        run.mkdir(parents=True)
+        (run / "evaluation.csv").write_text("progress,minutes\n1,1\n")
+    with pytest.raises(SystemExit, match="this step failed: make_demonstrations"):
+        queue("publish=true", takes=fails)
+    published = (tmp_path / "results/published").rglob("evaluation.csv")
+    assert [file.relative_to(tmp_path).as_posix() for file in published] == [
+        "results/published/shelf/chair_agne/tstar/seed310/evaluation.csv"
+    ]
+
+
 def test_what_is_published_is_not_run_again(queue, tmp_path):
     """A published arm is left out; one of which a table is missing is not."""
     place = tmp_path / "results/published/shelf/chair_agne"
