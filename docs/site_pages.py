@@ -97,6 +97,13 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     return LINK.sub(relink, markdown)
 
 
+def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Turns links of notebooks to docs/*.md into links to its pages, which lie beside the notebooks' folder there."""
+    if not page.file.src_uri.endswith(".ipynb"):
+        return html
+    return re.sub(r'href="\.\./docs/([^"#]+)\.md', r'href="../\1.html', html)
+
+
 def notebooks() -> list[Path]:
     """The notebooks, the first steps first, then in the order of their names."""
     return sorted(
