@@ -171,3 +171,9 @@ def test_where_nothing_is_cloned_skills_have_gates_and_turns(asked):
     values = ("demonstrated_ends=0.0", "chain.gate=true", "chain.rounds=2", "chain.trial_episodes=4")
     calls, turns, _ = asked("in_order", *values)
     assert not calls and [index for index, *_ in turns] == [0, 1, 2, 3] * 2
+
+
+def test_a_clone_is_fitted_with_the_floor_that_is_asked_for(asked, tmp_path):
+    asked("in_order_cloned", "normalizer.floor=0.7")
+    _, *cloned = load_chain(tmp_path / "runs/table_lack/in_order_cloned/seed0/last")
+    assert [skill.normalizer.floor_found() for skill in cloned] == pytest.approx([0.7] * 3)

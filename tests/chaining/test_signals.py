@@ -182,3 +182,11 @@ def test_a_killed_chain_goes_on_to_the_same_figures(recipe, whole_and_resumed):
     values = ("chain.gate=true", "chain.rounds=2", "chain.links=2", *own)
     whole, resumed = whole_and_resumed(recipe, *values)
     pd.testing.assert_frame_equal(resumed, whole)
+
+
+@pytest.mark.parametrize("recipe", ["tstar", "policy_sequencing", *OWN])
+def test_f_phi_scores_the_expert_above_the_agent(recipe, point_chain):
+    own = ("chain.path_steps=4",) if recipe == "proximity" else ()
+    fast = ("f_phi.steps=128", "f_phi.learning_rate=3e-3", "f_phi.gradient_penalty=0.1")
+    table = point_chain(recipe, *SHORT, "chain.links=2", *fast, *own)
+    assert (table.f_phi_expert_score > table.f_phi_agent_score + 0.2).all()

@@ -1,16 +1,22 @@
 """What a turn learns from, what it keeps and what it logs, on a chain that trains in seconds."""
 
 import math
+from copy import deepcopy
 
 import pandas as pd
 import pytest
 import torch
+from point_chain import PointChain
 
 from tstar_rl.chaining import turns
 from tstar_rl.chaining.chain import load_chain
 from tstar_rl.chaining.gate import Gate
+from tstar_rl.chaining.skill import Skill
+from tstar_rl.chaining.training import Training
 from tstar_rl.chaining.trials import run_trial
 from tstar_rl.chaining.turns import Turn
+from tstar_rl.runs import checkpoint
+from tstar_rl.seeds import derive_seed
 
 SHORT = ("chain.gate=false", "chain.steps_per_turn=512", "chain.trial_every=100")
 """Turns of one rollout, and no trial."""
@@ -133,14 +139,23 @@ def test_optimisers_and_simulations_are_carried_over_or_made_anew(carry_over, po
 
 @pytest.mark.parametrize("d_omega_of", ["next", "own"])
 def test_whose_d_omega_a_turn_trains(d_omega_of, point_chain, monkeypatch):
-    table = point_chain("tstar", *SHORT, "chain.links=3", f"chain.d_omega_of={d_omega_of}")
-    trained = table.dropna(subset=["d_omega_loss_discriminator"]).skill.unique().tolist()
-    assert trained == ([0, 1] if d_omega_of == "next" else [1, 2])
+    changed, rollouts = {}, Turn.rollouts
+
+    def watched(turn):
+        before = [deepcopy(skill.d_omega.network.state_dict()) for skill in turn.chain.skills]
+        yield from rollouts(turn)
+        now = [skill.d_omega.network.state_dict() for skill in turn.chain.skills]
+        pairs = enumerate(zip(before, now, strict=True))
+        changed[turn.index] = [i for i, (a, b) in pairs if any(not torch.equal(a[k], b[k]) for k in a)]
+
+    monkeypatch.setattr(Turn, "rollouts", watched)
+    point_chain("tstar", *SHORT, "chain.links=3", f"chain.d_omega_of={d_omega_of}")
+    assert changed == ({0: [1], 1: [2], 2: []} if d_omega_of == "next" else {0: [], 1: [1], 2: [2]})
 
 
 @pytest.mark.parametrize("kept_states", ["all", "chained"])
 def test_which_terminal_states_are_kept(kept_states, point_chain, monkeypatch):
-    """Skill 1's own starts have y > 0.2. Where only chained starts count, a share of its ends has y below that."""
+    """As many as succeed, or as succeed in episodes that began in a chained start."""
     counted = {}
     log = Turn.log
 
@@ -199,3 +214,75 @@ def test_a_d_omega_is_judged_once_it_was_trained_itself(point_chain):
     ends = table[table.handed.notna()]
     assert ends.skill.tolist() == [0, 1, 0, 1] and (ends.handed > 1).all()
     assert ends.d_omega_sd.notna().tolist() == [False, False, True, True]
+
+
+def test_turns_trials_and_the_episodes_before_them_have_seeds_and_limits_of_their_own(
+    point_chain, monkeypatch
+):
+    made, init = [], PointChain.__init__
+
+    def noted(env, task, num_envs, subtask, **settings):
+        made.append((subtask, settings["seed"], settings["max_steps"]))
+        init(env, task, num_envs, subtask, **settings)
+
+    monkeypatch.setattr(PointChain, "__init__", noted)
+    limits = ("training.max_steps=9", "chain.trial_max_steps=7")
+    point_chain("tstar", "chain.gate=true", "chain.links=2", "chain.steps_per_turn=512", *limits)
+    before, tried = ((None, derive_seed(0, purpose), 7) for purpose in ("harvest", "validate"))
+    first, second = ((index, derive_seed(0, "chain", index), 9) for index in range(2))
+    assert made == [before, first, tried, tried, second, tried]
+
+
+def test_the_best_chain_is_that_of_the_best_trial(point_chain, tmp_path, monkeypatch):
+    """The second turn leaves a skill that walks backwards."""
+    finish = Training._finish_rollout
+
+    def spoil(training, rollout):
+        if training.run.turn == 1:
+            training.skill.policy[0][1].module[0][-1].bias.data[0] = -1.0
+        return finish(training, rollout)
+
+    monkeypatch.setattr(Training, "_finish_rollout", spoil)
+    values = ("chain.gate=false", "chain.trial_every=1", "chain.links=2", "chain.steps_per_turn=512")
+    point_chain("tstar", *values)
+    places = [tmp_path / f"runs/table_lack/tstar/seed0/{name}" for name in ("best", "last")]
+    best, last = (float(load_chain(p)[1].policy[0][1].module[0][-1].bias.data[0]) for p in places)
+    assert last == -1.0 < 0 < best
+    assert checkpoint.read_record(places[0] / "skill0")["env_steps"] == 512
+
+
+def test_a_chain_begins_with_the_checkpoint_that_is_asked_for(point_chain, tmp_path, monkeypatch):
+    for index in range(2):
+        place = tmp_path / f"runs/table_lack/gail_ppo/seed0/subtask{index}"
+        skill = Skill.load(place / "last")
+        skill.policy[0][1].module[0][-1].bias.data[8] = 0.5  # the point has no such action
+        skill.save(place / "best")
+    begun, rollouts = [], Turn.rollouts
+
+    def watched(turn):
+        begun.append(float(turn.skill.policy[0][1].module[0][-1].bias.data[8]))
+        yield from rollouts(turn)
+
+    monkeypatch.setattr(Turn, "rollouts", watched)
+    point_chain("tstar", *SHORT, "chain.links=2", "from_checkpoint=best")
+    assert begun == [0.5, 0.5]
+
+
+def test_a_turn_explores_as_the_schedule_ends(point_chain, monkeypatch):
+    used, log = set(), Turn.log
+
+    def note(turn, rollout, row):
+        used.update(rollout["scale"][..., 0].flatten().tolist())
+        log(turn, rollout, row)
+
+    monkeypatch.setattr(Turn, "log", note)
+    point_chain("tstar", *SHORT, "chain.links=2", "exploration={arm: [0.5, 0.25], hand: [0.3, 0.3]}")
+    assert used == {0.25}
+
+
+def test_terminal_states_that_are_logged_are_those_the_skill_reached(point_chain, tmp_path, monkeypatch):
+    monkeypatch.setattr(turns, "PARTS", 0)  # x and y in the place of poses
+    point_chain("tstar", *SHORT, "chain.links=3", "chain.logged_skill=1", "chain.logged_states=5")
+    table = pd.read_csv(tmp_path / "results/table_lack/tstar/seed0/terminal_states.csv")
+    assert table.skill.tolist() == [1] * 5 and (table.env_steps == 1024).all()
+    assert table.pose_0.between(2, 3).all() and (table.pose_1 > 0).all()  # where subtask 1 is done

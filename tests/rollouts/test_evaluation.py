@@ -151,3 +151,11 @@ def test_films_of_an_earlier_evaluation_do_not_stay(tmp_path):
 def test_evaluate_refuses_another_mode(make_env, policy):
     with pytest.raises(ValueError, match="deterministic, stochastic; got 'greedy'"):
         evaluate(policy, with_starts(make_env()), "greedy")
+
+
+@pytest.mark.parametrize(("mode", "mean"), [("deterministic", True), ("stochastic", False)])
+def test_a_mode_says_whether_actions_are_drawn(mode, mean, make_env):
+    policy, seen = make_policy(72, std="fixed", action_std=0.3), []
+    env = with_starts(make_env(num_envs=4))
+    evaluate(policy, env, mode, lambda step: seen.append(torch.allclose(step["action"], step["loc"])))
+    assert set(seen) == {mean}

@@ -235,3 +235,25 @@ def test_two_runs_do_not_write_one_results_folder(tmp_path):
     assert work.communicate()[0] == "free\n"  # it did not keep what it got
     first.kill()
     first.wait()
+
+
+def test_checkpoints_come_every_so_many_steps_and_hold_what_has_settled(tmp_path):
+    settled = []
+
+    class Settles(torch.nn.Linear):
+        def settle(self):
+            settled.append(run.env_steps)
+            self.weight.data.fill_(run.env_steps)
+
+    run = a_run(tmp_path)
+    run.start(module=Settles(1, 1))
+    for steps in (10, 20, 30, 40):
+        run.log(steps)
+        run.save_if_due(15)
+    assert settled == [20, 40]
+    run, module = a_run(tmp_path), Settles(1, 1)
+    assert run.start(module=module) == 40 and module.weight.item() == 40
+    for steps in (50, 60):
+        run.log(steps)
+        run.save_if_due(15)
+    assert settled == [20, 40, 60]

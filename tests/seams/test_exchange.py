@@ -1,11 +1,14 @@
 """Which of two skills mended a seam, on chains of a point where that is known."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import pandas as pd
 import pytest
+import torch
 from point_chain import PointChain, make_skills
 from tensordict import TensorDict
+from torchrl.envs.utils import ExplorationType, exploration_type
 
 from tstar_rl.analysis.figures.seams import exchanged_figure
 from tstar_rl.chaining.skill import Skill
@@ -92,3 +95,14 @@ def test_the_figure_has_a_bar_for_each_way_and_a_line_for_each_seed(seeds):
         lines = [line for line in axes.lines if line.get_label().startswith("seed ")]
         assert len(bars) == 4 and [len(line.get_xdata()) for line in lines] == [2] * (0 if seeds == 1 else 6)
     assert "no table yet" in exchanged_figure(pd.DataFrame()).axes[0].texts[0].get_text()
+
+
+def test_no_action_is_drawn():
+    used = set()
+
+    def act(tensordict):
+        used.add(exploration_type())
+        return tensordict.set("action", torch.ones(len(tensordict), 9))
+
+    run_from(make_env, 0, SimpleNamespace(policy=act), None, 4)
+    assert used == {ExplorationType.DETERMINISTIC}

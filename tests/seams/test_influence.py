@@ -6,6 +6,7 @@ import pytest
 import torch
 from point_chain import PointChain
 from tensordict import TensorDict
+from torchrl.envs.utils import ExplorationType, exploration_type
 
 from tstar_rl.rollouts.collection import with_starts
 from tstar_rl.rollouts.starts import make_starts
@@ -74,3 +75,22 @@ def test_on_the_point_noise_across_the_way_is_what_decides(noise, least, most):
     found = influence_of(make_env, policies, 0, starts, times=6)
     assert found is not None and found.starts == 40
     assert least <= found.within <= most
+
+
+def test_the_skill_draws_its_actions_and_the_next_one_does_not():
+    used = {0: set(), 1: set()}
+
+    def make_env(subtask, number, starts):
+        env = PointChain("point", number, subtask, snapshots=True, max_steps=30)
+        return with_starts(env, *make_starts({"buffer": 1.0}, env, starts), 0)
+
+    def walk(index):
+        def act(tensordict):
+            used[index].add(exploration_type())
+            return tensordict.set("action", torch.ones(len(tensordict), 9))
+
+        return act
+
+    env = with_starts(PointChain("point", 4, 0, seed=3, snapshots=True))
+    influence_of(make_env, (walk(0), walk(1)), 0, env.reset().select("observation", "snapshot"), times=2)
+    assert used == {0: {ExplorationType.RANDOM}, 1: {ExplorationType.DETERMINISTIC}}

@@ -202,3 +202,12 @@ def test_draws_resume_from_the_state_dict():
 def test_mistakes_are_named(make, message):
     with pytest.raises(ValueError, match=message):
         make()
+
+
+def test_terms_that_are_there_keep_their_weights_their_scales_and_the_scale_of_the_sum():
+    """The last skill has no next one: its mixture has no tsr, and no scale of it."""
+    mixture = RewardMixture({"env": 0.5, "gail": 0.25, "tsr": 100.0}, 0.1, scales={"gail": 2.0, "tsr": 0.5})
+    last = {"reward_env": 0.05, "reward_gail": 0.05}
+    for tsr, expected in ((TerminalStateReward(Slot()), last | {"reward_tsr": 5.0}), (None, last)):
+        *terms, found = weighted(mixture, {"gail": GAILReward(Slot()), "tsr": tsr})
+        assert found.effective_weights() == pytest.approx(expected) and len(terms) == len(expected) - 1

@@ -191,8 +191,8 @@ def test_values_of_next_states_are_looked_at_once_and_right():
     step = {"observation": following, "reward": torch.randn(5, 7, 1), "done": done}
     step["terminated"] = done & (torch.rand(5, 7, 1) < 0.5)
     rollout = TensorDict({"observation": sequence[:, :-1], "next": step}, [5, 7])
-    update = PolicyUpdate(skill.policy, skill.value, PPOSettings(), ReturnScale())
-    expected = GAE(gamma=0.99, lmbda=0.95, value_network=skill.value, deactivate_vmap=True)(rollout.clone())
+    update = PolicyUpdate(skill.policy, skill.value, PPOSettings(gamma=0.9, gae_lambda=0.8), ReturnScale())
+    expected = GAE(gamma=0.9, lmbda=0.8, value_network=skill.value, deactivate_vmap=True)(rollout.clone())
     found = update.gae(update._with_values(rollout.clone()))
     assert (done & ~step["terminated"]).any()
     torch.testing.assert_close(found["advantage"], expected["advantage"])
@@ -234,3 +234,19 @@ def test_rates_fall_to_nothing_with_progress_and_the_actors_rises_before(make_en
         optimizers = (update.actor_optimizer, update.critic_optimizer)
         rates.append([optimizer.param_groups[0]["lr"] for optimizer in optimizers])
     torch.testing.assert_close(torch.tensor(rates), torch.tensor([[2e-3, 2e-3], [2e-3, 1e-3], [0.0, 0.0]]))
+
+
+@pytest.mark.parametrize(("clip", "moves"), [(0.2, False), (0.6, True)])
+def test_a_ratio_beyond_the_clip_moves_the_actor_no_further(clip, moves):
+    """A good action is half as likely again as it was, a bad one less likely by as much."""
+    skill = small_skill()
+    settings = PPOSettings(clip_epsilon=clip, entropy_coeff=0.0, minibatch=2)
+    update = PolicyUpdate(skill.policy, skill.value, settings, skill.return_scale)
+    batch = TensorDict({"observation": torch.randn(2, 72), "action": torch.randn(2, 9)}, [2])
+    now = skill.policy.get_dist(batch).log_prob(batch["action"]).detach()
+    batch["action_log_prob"] = now - torch.tensor([1.5, 1 / 1.5]).log()
+    batch["encoded"] = update.encoder.module(batch["observation"])
+    batch["advantage"], batch["value_target"] = torch.tensor([[1.0], [-1.0]]), torch.zeros(2, 1)
+    before = state_of(skill.policy)
+    update._step(batch, True, {"actor_steps": 0, "critic_steps": 0, "loss_policy": 0.0, "loss_critic": 0.0})
+    assert same(before, state_of(skill.policy)) is not moves

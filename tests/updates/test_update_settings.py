@@ -88,6 +88,7 @@ def test_zeros_that_mean_none_in_the_updates_of_other_networks():
     network, rows = make_discriminator(72, hidden=(8,)), torch.randn(20, 72)
     settings, labels = DiscriminatorSettings(gradient_penalty=0.0, steps=1), {"expert": 1.0, "agent": -1.0}
     log = DiscriminatorUpdate("f_phi", network, labels, settings)(expert=rows, agent=rows + 1)
+    assert log["f_phi_loss_gradient_penalty"] == 0
     learning = LabelledSettings(weight_decay=0.0, noise=0.0, steps=1)
     log |= LabelledUpdate("f", network, outcome_loss, learning)(rows, torch.ones(20))
     assert len(log) > 4 and all(math.isfinite(value) for value in log.values())

@@ -1,0 +1,48 @@
+"""The training of one policy, on the point: its normaliser, and how it goes on after a kill."""
+
+import pandas as pd
+import pytest
+import torch
+
+from tstar_rl.chaining.skill import Skill
+from tstar_rl.chaining.training import Training
+
+VALUES = ("training.total_steps=4096", "training.checkpoint_every=1024", "training.max_steps=3")
+WARM_UPS = ("ppo.critic_warmup=3", "++ppo.rate_warmup=100")
+
+
+def test_a_killed_training_goes_on_to_the_same_figures(point_chain, monkeypatch, tmp_path):
+    """It does not clone again; updates, warm-ups and simulations come back; what it does not read may differ."""
+    whole = point_chain("gail_ppo", *VALUES, *WARM_UPS, "system=whole")
+    finish = Training._finish_rollout
+
+    def killed(training, rollout):
+        if training.steps > 2048:
+            raise KeyboardInterrupt
+        return finish(training, rollout)
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(Training, "_finish_rollout", killed)
+        point_chain("gail_ppo", *VALUES, *WARM_UPS, "system=cut")
+    cut = point_chain("gail_ppo", *VALUES, *WARM_UPS, "system=cut", "chain.rounds=2")
+    pd.testing.assert_frame_equal(cut, whole)
+    for name in ("last", "best"):
+        folders = (tmp_path / f"runs/table_lack/{system}/seed0/{name}" for system in ("whole", "cut"))
+        one, other = (Skill.load(folder).network_state() for folder in folders)
+        torch.testing.assert_close(one, other, rtol=0, atol=0)
+
+
+@pytest.mark.parametrize("running", ["false", "true"])
+def test_a_skill_is_fitted_with_the_floor_that_is_asked_for(running, point_chain, tmp_path):
+    """Inputs of the demonstrations vary by .3: they stand below .5."""
+    values = ("training.total_steps=512", "normalizer.floor=0.5", f"normalizer.running={running}")
+    point_chain("gail_ppo", *values, "system=whole")
+    skill = Skill.load(tmp_path / "runs/table_lack/whole/seed0/last")
+    assert skill.normalizer.floor_found() == pytest.approx(0.5)
+    assert skill.normalizer.count == 64 + (512 if running == "true" else 0)
+
+
+def test_a_clone_is_fitted_with_the_floor_that_is_asked_for(point_chain, tmp_path):
+    point_chain("bc", "bc.epochs=1", "normalizer.floor=0.5")
+    skill = Skill.load(tmp_path / "runs/table_lack/bc/seed0/last")
+    assert skill.normalizer.floor_found() == pytest.approx(0.5)
