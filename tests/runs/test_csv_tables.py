@@ -25,7 +25,7 @@ def test_a_log_cut_back_goes_on_as_if_it_had_never_gone_further(tmp_path):
 def test_a_log_shorter_than_its_checkpoint_says_is_refused(tmp_path):
     log = MetricsLog(tmp_path / "log.csv")
     log.append({"a": 1})
-    with pytest.raises(ValueError, match="has 1 rows, but its checkpoint counts 4"):
+    with pytest.raises(ValueError, match="has 1 whole rows, but its checkpoint counts 4"):
         log.truncate(4)
 
 
