@@ -154,11 +154,15 @@ def _places(config: DictConfig, given: Iterable[str]) -> tuple[Path, dict[str, l
     return results, complete
 
 
+def _keys(given: Iterable[str]) -> set[str]:
+    """The keys of values of the command line."""
+    return {value.lstrip("+~").split("=")[0] for value in given}
+
+
 def _check_checkpoints(config: DictConfig, given: Iterable[str]) -> None:
     """Raises InvalidValueError if other checkpoints are asked for than the one that config.path is."""
     name = Path(config.path).name
-    asked = any(value.lstrip("+~").split("=")[0] == "checkpoints" for value in given)
-    if asked and list(config.checkpoints) != [name]:
+    if "checkpoints" in _keys(given) and list(config.checkpoints) != [name]:
         raise InvalidValueError(
             f"path={config.path} is one checkpoint: leave out checkpoints, got {list(config.checkpoints)}; or give the "
             "folder of the run as the path"
@@ -182,7 +186,7 @@ def _take_from_path(config: DictConfig, given: Iterable[str]) -> Path | None:
         return None
     root = max(around, key=lambda one: len(one.parts))  # one of them may lie in the other
     place, after = read_run_path(path.relative_to(root))
-    names = {value.lstrip("+~").split("=")[0] for value in given} & {"system", "seed", "subtask"}
+    names = _keys(given) & {"system", "seed", "subtask"}
     asked = {"task": config.task.name, **{name: config[name] for name in sorted(names)}}
     for name, value in asked.items():
         found = getattr(place, name)
