@@ -130,11 +130,15 @@ def missing(steps: Sequence[Step], shared: Sequence[str] = (), ignored: Sequence
     left: list[Step] = []
     trained: set[Path] = set()
     for step in steps:
-        config = step_config(step, shared)
-        outdated = step[0] == "evaluate" and not trained.isdisjoint(evaluated_runs(config))
+        outdated = (
+            bool(trained)
+            and step[0] == "evaluate"
+            and not trained.isdisjoint(evaluated_runs(step_config(step, shared)))
+        )
         if outdated or not is_done(step, shared, ignored):
             left.append(step)
-            trained |= set() if step[0] in UNTRAINING else {run_folder(config, "runs_dir")}
+            if step[0] not in UNTRAINING:
+                trained.add(run_folder(step_config(step, shared), "runs_dir"))
     return left
 
 
