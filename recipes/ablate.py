@@ -26,7 +26,8 @@ from tstar_rl.config.load import recipe
 from tstar_rl.config.ranges import chain_length
 from tstar_rl.config.values import plain
 from tstar_rl.launch.backends import launcher
-from tstar_rl.launch.side_by_side import Step, mean_bonus, run_side_by_side
+from tstar_rl.launch.bonus import mean_bonus
+from tstar_rl.launch.side_by_side import Step, run_side_by_side
 from tstar_rl.launch.steps import chosen_scale, is_done, missing, passed_on, step_config
 from tstar_rl.rollouts.starts import check_shares
 from tstar_rl.runs.files import replacing

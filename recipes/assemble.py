@@ -13,7 +13,7 @@ from omegaconf import DictConfig
 
 from tstar_rl.config.load import recipe
 from tstar_rl.launch.backends import launcher
-from tstar_rl.launch.experiment import BONUS, with_bonus, without_bonus
+from tstar_rl.launch.bonus import BONUS, with_bonus, without_bonus
 from tstar_rl.launch.side_by_side import Step, run_side_by_side
 from tstar_rl.launch.steps import chosen_scale, missing, passed_on
 from tstar_rl.runs.csv_tables import append_rows

@@ -26,8 +26,9 @@ from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.load import recipe
 from tstar_rl.config.values import CONFIGS, plain
 from tstar_rl.launch.backends import check_local
+from tstar_rl.launch.bonus import with_bonus, without_bonus
 from tstar_rl.launch.code_of_commit import code_of_commit, configs_of
-from tstar_rl.launch.experiment import DeclaredExperiment, with_bonus, without_bonus
+from tstar_rl.launch.experiment import DeclaredExperiment
 from tstar_rl.launch.experiment_values import parse_experiment
 from tstar_rl.launch.published import publish
 from tstar_rl.launch.side_by_side import Step, run_side_by_side

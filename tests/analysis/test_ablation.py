@@ -4,7 +4,6 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-import torch
 from hydra import compose, initialize_config_dir
 from hydra.errors import MissingConfigException
 
@@ -13,9 +12,7 @@ from tstar_rl.analysis.variants import SKILLS
 from tstar_rl.config.ranges import chain_length
 from tstar_rl.config.values import CONFIGS
 from tstar_rl.launch import side_by_side
-from tstar_rl.rollouts.collection import rollout_metrics, with_starts
 from tstar_rl.rollouts.starts import check_shares
-from tstar_rl.runs.csv_tables import MetricsLog
 
 VARIANTS = [variant for name in variants.names() for variant in variants.read(name).variants]
 TWO = {"reference": "a", "variants": [{"name": "a", "system": "tstar"}, {"name": "b", "system": "tstar"}]}
@@ -85,33 +82,6 @@ def test_a_step_that_fails_ends_its_lane_alone(monkeypatch, failure):
     with pytest.raises(SystemExit, match="this step failed: bad"):
         side_by_side.run_side_by_side(lanes, [], 1)
     assert done == ["a", "b", "c"]
-
-
-def test_the_mean_bonus_is_over_successes(tmp_path):
-    table = {
-        "episodes": [4, 0, 10, 5],
-        "success_rate": [0.5, None, 0.6, 1.0],
-        "tsr_on_success": [0.2, None, 0.6, None],
-    }
-    pd.DataFrame(table).to_csv(
-        tmp_path / "metrics.csv"
-    )  # the last of these rollouts is of a skill that nothing follows
-    assert side_by_side.mean_bonus(tmp_path / "metrics.csv") == 0.5  # (2 x 0.2 + 6 x 0.6) / 8
-    pd.DataFrame(table)[1:2].to_csv(tmp_path / "metrics.csv")
-    assert side_by_side.mean_bonus(tmp_path / "metrics.csv") == 0.0
-
-
-def test_a_mean_bonus_is_what_the_rollouts_paid(make_env, policy, tmp_path):
-    torch.manual_seed(0)
-    env, log, paid = with_starts(make_env(num_envs=6)), MetricsLog(tmp_path / "metrics.csv"), []
-    for steps in (3, 6, 9):
-        rollout = env.rollout(steps, policy, break_when_any_done=False)
-        rollout["next", "reward_tsr"] = torch.rand(6, steps, 1)
-        paid.append(rollout["next", "reward_tsr"][rollout["next", "success"]])
-        log.append(rollout_metrics(rollout))
-    mean = float(torch.cat(paid).mean())
-    assert side_by_side.mean_bonus(tmp_path / "metrics.csv") == pytest.approx(mean, abs=1e-4)
-    assert abs(float(torch.stack([each.mean() for each in paid]).mean()) - mean) > 1e-3
 
 
 def tables(root: Path, **progress: list[float]) -> pd.DataFrame:

@@ -2,14 +2,13 @@
 
 from dataclasses import replace
 
-import pandas as pd
 import pytest
 import yaml
 from hydra import compose, initialize_config_dir
 from small_experiment import SMALL
 
 from tstar_rl.config.values import CONFIGS, plain
-from tstar_rl.launch.experiment import with_bonus, without_bonus
+from tstar_rl.launch.bonus import without_bonus
 from tstar_rl.launch.experiment_values import parse_experiment
 from tstar_rl.runs.run_folder import Place
 
@@ -200,33 +199,6 @@ def test_runs_that_are_declared_are_its_arms_and_their_skills():
 def test_a_task_may_have_other_seeds_than_the_rest():
     experiment = parse_experiment({**SMALL, "seeds_by_task": {"table_lack": [8]}})
     assert experiment.lanes() == [("table_lack", 8)]
-
-
-def test_a_bonus_is_known_once_its_arm_is_trained(tmp_path):
-    step = ("policy_sequencing", "system=paid", "bonus_of=tstar")
-    assert without_bonus(step) == step[:2]
-
-    def known(results: str = "results", published: str | None = None) -> tuple[str, ...]:
-        kept = None if published is None else tmp_path / published
-        return with_bonus(step, "table_lack", 7, tmp_path / results, tmp_path / "runs", kept)
-
-    with pytest.raises(
-        FileNotFoundError, match=r"train it first \(python recipes/tstar.py task=table_lack seed=7, "
-    ):
-        known()
-    table, ended = (tmp_path / f"{root}/table_lack/tstar/seed7" for root in ("results", "runs"))
-    for folder in (table, ended):
-        folder.mkdir(parents=True)
-    rows = {"episodes": [10, 30], "success_rate": [1.0, 0.5], "tsr_on_success": [0.2, 0.4]}
-    pd.DataFrame(rows).to_csv(table / "metrics.csv", index=False)
-    with pytest.raises(FileNotFoundError, match="seed7 has not finished, and decides the bonus"):
-        known()
-    assert known("none", "results") == (*step[:2], "bonus=0.32"), "what is published has finished"
-    (ended / "finished.json").write_text("{}")
-    # Ten successes of .2 and fifteen of .4: a mean of 8 / 25.
-    assert known() == (*step[:2], "bonus=0.32")
-    pd.DataFrame({"episodes": [10], "success_rate": [0.0]}).to_csv(table / "metrics.csv", index=False)
-    assert known() == (*step[:2], "bonus=0.0")
 
 
 def test_an_arm_with_a_commit_of_its_own_comes_before_the_arm_that_its_bonus_is_for():

@@ -6,7 +6,7 @@ import pytest
 from finished_steps import SUBTASKS, finish, places
 from recipe_runs import load_recipe
 
-from tstar_rl.launch import experiment, steps
+from tstar_rl.launch import bonus, steps
 from tstar_rl.launch.steps import step_config
 
 
@@ -41,7 +41,7 @@ def pipeline(call, monkeypatch, tmp_path):
                 finish(step, shared, at=len(taken))
 
         monkeypatch.setattr(module, "launcher", lambda config: record)
-        for place in (experiment, module):
+        for place in (bonus, module):
             monkeypatch.setattr(place, "mean_bonus", lambda metrics: 0.25, raising=False)
         call(name, *places(tmp_path), *values, module=module)
         return taken

@@ -8,15 +8,14 @@ from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from tstar_rl.checks import InvalidValueError, MissingFileError, did_you_mean
-from tstar_rl.launch.side_by_side import Step, mean_bonus
-from tstar_rl.runs.run_folder import FINISHED, UNTRAINED, Place, run_path
+from tstar_rl.checks import InvalidValueError, did_you_mean
+from tstar_rl.launch.bonus import BONUS
+from tstar_rl.launch.side_by_side import Step
+from tstar_rl.runs.run_folder import UNTRAINED, Place, run_path
 
-__all__ = ["BONUS", "Arm", "DeclaredExperiment", "with_bonus", "without_bonus"]
+__all__ = ["Arm", "DeclaredExperiment"]
 
 SKILLS = "gail_ppo"
-BONUS = "bonus_of="
-"""Stands in a step's values for a bonus that is known once another arm has been trained."""
 
 
 @dataclass(frozen=True)
@@ -214,47 +213,3 @@ class DeclaredExperiment:
         unknown = [name for name in names if name not in known]
         if unknown:
             raise InvalidValueError(f"arms of {self.name} are {', '.join(known)}; got {', '.join(unknown)}")
-
-
-def without_bonus(step: Step) -> Step:
-    """A step less a bonus that is not known yet."""
-    return tuple(value for value in step if not value.startswith(BONUS))
-
-
-def with_bonus(
-    step: Step,
-    task: str,
-    seed: int,
-    results: str | Path,
-    runs: str | Path,
-    published: str | Path | None = None,
-) -> Step:
-    """A step in which the bonus of another arm is a number, once that arm has been trained.
-
-    Args:
-        step: recipe and values.
-        task: furniture.
-        seed: of both arms.
-        results: where the table of that arm's training lies, if it was trained here.
-        runs: where that training notes that it has finished.
-        published: where its table lies, if it was trained elsewhere.
-
-    Raises:
-        MissingFileError: if there is no table of it, or the training has not finished.
-    """
-    values = []
-    for value in step:
-        if value.startswith(BONUS):
-            place = (task, value.removeprefix(BONUS), seed)
-            table = run_path(results, *place) / "metrics.csv"
-            if not (run_path(runs, *place) / FINISHED).is_file():
-                kept = None if published is None else run_path(published, *place) / "metrics.csv"
-                if kept is not None and kept.is_file():
-                    table = kept
-                elif table.is_file():
-                    raise MissingFileError(
-                        f"the training of {table.parent} has not finished, and decides the bonus"
-                    )
-            value = f"bonus={mean_bonus(table)}"
-        values.append(value)
-    return tuple(values)

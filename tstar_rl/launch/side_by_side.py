@@ -15,14 +15,13 @@ from typing import Any
 from hydra.errors import HydraException
 from omegaconf.errors import OmegaConfBaseException
 
-from tstar_rl.checks import MissingFileError, UserError
+from tstar_rl.checks import UserError
 from tstar_rl.config.command_line import of_the_disk
 from tstar_rl.launch.children import end_children, ended_by_kill, run_child
 from tstar_rl.launch.code_of_commit import environ_of
-from tstar_rl.runs.csv_tables import read_table
-from tstar_rl.runs.run_folder import RECIPES, made_by
+from tstar_rl.runs.run_folder import RECIPES
 
-__all__ = ["Step", "mean_bonus", "run_recipe", "run_side_by_side"]
+__all__ = ["Step", "run_recipe", "run_side_by_side"]
 
 Step = tuple[str, ...]
 """A recipe and its values."""
@@ -111,30 +110,3 @@ def run_side_by_side(
             raise
     if failures:
         raise SystemExit("\n".join(failures))
-
-
-def mean_bonus(metrics: str | Path) -> float:
-    """What d_omega paid for a success, on average over all successes, for a control that always pays as much.
-
-    Args:
-        metrics: of a run, with the columns of `rollout_metrics`: a rollout counts by its successes; one without any, or
-            of a skill that d_omega does not pay, has no "tsr_on_success" and does not count.
-
-    Returns:
-        In [0, 1], rounded to four digits; 0 if nothing was paid.
-
-    Raises:
-        MissingFileError: if the run has not begun, with the recipe that it is of.
-        LogError: if the table is cut off.
-    """
-    if not Path(metrics).is_file():
-        raise MissingFileError(f"no {metrics}{made_by(metrics)}")
-    table = read_table(metrics)
-    if "tsr_on_success" not in table:
-        return 0.0
-    paid = table.dropna(subset=["tsr_on_success"])
-    successes = paid["episodes"] * paid["success_rate"]
-    if not successes.sum():
-        return 0.0
-    mean = float((successes * paid["tsr_on_success"]).sum() / successes.sum())
-    return round(min(max(mean, 0.0), 1.0), 4)

@@ -1,0 +1,63 @@
+"""A bonus as large as what another arm paid on average."""
+
+import pandas as pd
+import pytest
+import torch
+
+from tstar_rl.launch.bonus import mean_bonus, with_bonus, without_bonus
+from tstar_rl.rollouts.collection import rollout_metrics, with_starts
+from tstar_rl.runs.csv_tables import MetricsLog
+
+
+def test_the_mean_bonus_is_over_successes(tmp_path):
+    table = {
+        "episodes": [4, 0, 10, 5],
+        "success_rate": [0.5, None, 0.6, 1.0],
+        "tsr_on_success": [0.2, None, 0.6, None],
+    }
+    pd.DataFrame(table).to_csv(
+        tmp_path / "metrics.csv"
+    )  # the last of these rollouts is of a skill that nothing follows
+    assert mean_bonus(tmp_path / "metrics.csv") == 0.5  # (2 x 0.2 + 6 x 0.6) / 8
+    pd.DataFrame(table)[1:2].to_csv(tmp_path / "metrics.csv")
+    assert mean_bonus(tmp_path / "metrics.csv") == 0.0
+
+
+def test_a_mean_bonus_is_what_the_rollouts_paid(make_env, policy, tmp_path):
+    torch.manual_seed(0)
+    env, log, paid = with_starts(make_env(num_envs=6)), MetricsLog(tmp_path / "metrics.csv"), []
+    for steps in (3, 6, 9):
+        rollout = env.rollout(steps, policy, break_when_any_done=False)
+        rollout["next", "reward_tsr"] = torch.rand(6, steps, 1)
+        paid.append(rollout["next", "reward_tsr"][rollout["next", "success"]])
+        log.append(rollout_metrics(rollout))
+    mean = float(torch.cat(paid).mean())
+    assert mean_bonus(tmp_path / "metrics.csv") == pytest.approx(mean, abs=1e-4)
+    assert abs(float(torch.stack([each.mean() for each in paid]).mean()) - mean) > 1e-3
+
+
+def test_a_bonus_is_known_once_its_arm_is_trained(tmp_path):
+    step = ("policy_sequencing", "system=paid", "bonus_of=tstar")
+    assert without_bonus(step) == step[:2]
+
+    def known(results: str = "results", published: str | None = None) -> tuple[str, ...]:
+        kept = None if published is None else tmp_path / published
+        return with_bonus(step, "table_lack", 7, tmp_path / results, tmp_path / "runs", kept)
+
+    with pytest.raises(
+        FileNotFoundError, match=r"train it first \(python recipes/tstar.py task=table_lack seed=7, "
+    ):
+        known()
+    table, ended = (tmp_path / f"{root}/table_lack/tstar/seed7" for root in ("results", "runs"))
+    for folder in (table, ended):
+        folder.mkdir(parents=True)
+    rows = {"episodes": [10, 30], "success_rate": [1.0, 0.5], "tsr_on_success": [0.2, 0.4]}
+    pd.DataFrame(rows).to_csv(table / "metrics.csv", index=False)
+    with pytest.raises(FileNotFoundError, match="seed7 has not finished, and decides the bonus"):
+        known()
+    assert known("none", "results") == (*step[:2], "bonus=0.32"), "what is published has finished"
+    (ended / "finished.json").write_text("{}")
+    # Ten successes of .2 and fifteen of .4: a mean of 8 / 25.
+    assert known() == (*step[:2], "bonus=0.32")
+    pd.DataFrame({"episodes": [10], "success_rate": [0.0]}).to_csv(table / "metrics.csv", index=False)
+    assert known() == (*step[:2], "bonus=0.0")
