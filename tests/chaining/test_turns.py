@@ -1,6 +1,5 @@
-"""What a turn learns from, what it keeps and what it logs, on a chain that trains in seconds."""
+"""What a turn learns from and what it keeps, on a chain that trains in seconds."""
 
-import math
 from copy import deepcopy
 
 import pandas as pd
@@ -192,30 +191,6 @@ def test_where_no_start_is_chained_no_terminal_state_is_kept(point_chain, monkey
     assert added[0] > 0 and added[1] == 0
 
 
-def test_the_log_says_how_d_omega_does(point_chain):
-    table = point_chain("tstar", "chain.gate=true", "chain.links=2", "d_omega.steps=256")
-    ends = table.dropna(subset=["trial_progress"])
-    assert ends.skill.tolist() == [0, 1] and (ends.trial_steps > 0).all()
-    first = ends.iloc[0]
-    assert first.handed == 64 and 0 < first.next_success < 1
-    assert first.d_omega_auc > 0.9 and first.d_omega_sd > 0.05
-    assert math.isnan(ends.iloc[1].d_omega_auc)
-
-
-def test_a_d_omega_that_nothing_trains_is_not_judged(point_chain):
-    table = point_chain("policy_sequencing", "chain.gate=true", "chain.links=2")
-    assert "d_omega_auc" not in table and table.next_success.notna().sum() == 1
-
-
-def test_a_d_omega_is_judged_once_it_was_trained_itself(point_chain):
-    """Each turn trains its own skill's, as the paper does: in the first round, the next skill's is not trained yet."""
-    values = ("chain.gate=false", "chain.links=3", "chain.rounds=2", "chain.d_omega_of=own")
-    table = point_chain("tstar", *values, "chain.steps_per_turn=512")
-    ends = table[table.handed.notna()]
-    assert ends.skill.tolist() == [0, 1, 0, 1] and (ends.handed > 1).all()
-    assert ends.d_omega_sd.notna().tolist() == [False, False, True, True]
-
-
 def test_turns_trials_and_the_episodes_before_them_have_seeds_and_limits_of_their_own(
     point_chain, monkeypatch
 ):
@@ -278,11 +253,3 @@ def test_a_turn_explores_as_the_schedule_ends(point_chain, monkeypatch):
     monkeypatch.setattr(Turn, "log", note)
     point_chain("tstar", *SHORT, "chain.links=2", "exploration={arm: [0.5, 0.25], hand: [0.3, 0.3]}")
     assert used == {0.25}
-
-
-def test_terminal_states_that_are_logged_are_those_the_skill_reached(point_chain, tmp_path, monkeypatch):
-    monkeypatch.setattr(turns, "PARTS", 0)  # x and y in the place of poses
-    point_chain("tstar", *SHORT, "chain.links=3", "chain.logged_skill=1", "chain.logged_states=5")
-    table = pd.read_csv(tmp_path / "results/table_lack/tstar/seed0/terminal_states.csv")
-    assert table.skill.tolist() == [1] * 5 and (table.env_steps == 1024).all()
-    assert table.pose_0.between(2, 3).all() and (table.pose_1 > 0).all()  # where subtask 1 is done
