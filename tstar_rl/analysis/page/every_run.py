@@ -6,7 +6,7 @@ import pandas as pd
 
 from tstar_rl.analysis.page.contents import read_contents
 from tstar_rl.analysis.page.markdown import NOTHING, Paper, labels, table
-from tstar_rl.analysis.page.sections import evaluations_of, pick, tasks_of
+from tstar_rl.analysis.page.sections import evaluations_of, in_order, pick
 from tstar_rl.analysis.tables import short_commit, whole_task
 
 __all__ = ["runs_page"]
@@ -34,7 +34,7 @@ def runs_page(root: str | Path, paper: Paper) -> str:
             continue
         evaluations = evaluations_of(entry.folder)
         found.append(f"## {entry.title}")
-        for task in tasks_of(paper, evaluations):
+        for task in in_order(paper, evaluations["task"]):
             found += [f"### {entry.title}: {task}", _by_seed(evaluations, entry.named(paper), task)]
             found += [_skills_by_seed(evaluations, task)]
     return "\n\n".join(part.strip() for part in found if part) + "\n"

@@ -114,7 +114,7 @@ def _filled(notes: str, entries: Iterable[Entry], paper: Paper) -> str:
             task: written[kind](experiment, named, entry, task)
             if kind in written
             else parts.short_table(experiment, named, entry, task, arms.split(", ") if arms else ())
-            for task in experiment.tasks
+            for task in sections.in_order(paper, experiment.tasks)
         }
         several = len(experiment.tasks) > 1
         filled = (f"`{task}`:\n\n{text}" if several else text for task, text in shown.items() if text)
@@ -146,7 +146,7 @@ def _experiment(entry: Entry, paper: Paper) -> str:
     said.append(commits(experiment) if experiment else "")
     said.append(f"[Every run of it](every_run.md#{anchor(entry.title)}), seed by seed.")
     said.append(over_tasks(experiment, paper, entry) if experiment and entry.kind == "experiment" else "")
-    for task in filter(entry.has_section, sections.tasks_of(paper, evaluations)):
+    for task in filter(entry.has_section, sections.in_order(paper, evaluations["task"])):
         said.append(f"### {entry.title}: {task}")
         leads: dict[str, str] = {}
         if entry.kind == "paper":

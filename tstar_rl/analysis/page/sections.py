@@ -1,5 +1,6 @@
 """Parts of the page that are tables of what was run: beside the paper, budgets, skills, hand-overs."""
 
+from collections.abc import Iterable
 from pathlib import Path
 
 import pandas as pd
@@ -26,10 +27,10 @@ __all__ = [
     "evaluations_of",
     "figure_4",
     "hand_over",
+    "in_order",
     "learned",
     "pick",
     "skills",
-    "tasks_of",
 ]
 
 TIME = """\
@@ -53,9 +54,9 @@ def evaluations_of(folder: Path) -> pd.DataFrame:
     return read_evaluations(folder).replace({"checkpoint": {"script": "last"}})
 
 
-def tasks_of(paper: Paper, evaluations: pd.DataFrame) -> list[str]:
-    """The tasks that were run, the paper's first."""
-    ours = set(evaluations["task"])
+def in_order(paper: Paper, tasks: Iterable[str]) -> list[str]:
+    """Each task once, the paper's first."""
+    ours = set(tasks)
     return [*(task for task in paper["tasks"] if task in ours), *sorted(ours - set(paper["tasks"]))]
 
 
