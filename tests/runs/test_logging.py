@@ -113,7 +113,7 @@ def test_the_best_turn_of_a_chain_is_told_by_its_trials(tmp_path):
     for steps, trial in ((10, None), (20, 0.5), (30, None), (40, 0.4), (50, 0.5)):
         row = {"success_rate": 1.0, "completed": 1.0} | ({} if trial is None else {"trial_progress": trial})
         run.log(steps, **row)
-        found.append(run.improved)
+        found.append(run.best.improved)
     assert found == [False, True, False, False, True]  # of equals, the newest
 
 
@@ -123,7 +123,7 @@ def test_the_best_of_a_training_is_told_by_the_mean_of_what_was_completed(tmp_pa
     found = []
     for completed in (math.nan, 0.0, 2.0, 1.0, 0.0):  # running means: -, 0, .4, .52, .416
         run.log(10 * len(found) + 10, success_rate=0.0, completed=completed)
-        found.append(run.improved)
+        found.append(run.best.improved)
     assert found == [False, True, True, True, False]
 
 
@@ -153,7 +153,7 @@ def test_terminal_states_and_the_best_so_far_are_resumed(tmp_path):
     again = a_run(tmp_path, trials=True)
     assert again.start() == 10
     again.log(20, trial_progress=0.7)
-    assert not again.improved
+    assert not again.best.improved
     table = pd.read_csv(tmp_path / "results" / "table" / "chain" / "seed0" / "terminal_states.csv")
     assert table.to_dict("records") == [{"env_steps": 5, "skill": 2, "pose_0": 0.12346, "pose_1": 1.0}]
 

@@ -171,7 +171,7 @@ class SkillTraining(Training):
             rollout = self._collect(self.progress)
             yield rollout
             run.log(self.steps, **self._finish_rollout(rollout))
-            if run.improved:
+            if run.best.improved:
                 self.save("best", self.steps)
             run.save_if_due(self.checkpoint_every)
         self.collection.close()

@@ -46,7 +46,7 @@ class Turn(TurnUpdates):
             if number == rollouts - 1:
                 row |= self._end()
             run.log(self.steps, skill=self.index, round=run.turn // len(self.chain.skills), **row)
-            if run.improved:
+            if run.best.improved:
                 self.chain.save("best", self.steps)
 
     def _end(self) -> dict[str, float]:

@@ -6,7 +6,6 @@ a chain terminal_states.csv and calibration.csv);
 """
 
 import json
-import math
 import shutil
 import time
 from collections.abc import Iterable, Mapping, Sequence
@@ -18,6 +17,7 @@ from tqdm import tqdm
 
 from tstar_rl.checks import NothingToDo
 from tstar_rl.runs import checkpoint, lock
+from tstar_rl.runs.best_so_far import BestSoFar
 from tstar_rl.runs.csv_tables import LogError, MetricsLog
 from tstar_rl.runs.files import put_back, replacing
 from tstar_rl.runs.mismatch import MACHINE_ONLY, CheckpointMismatchError, as_begun, check_config
@@ -27,10 +27,6 @@ from tstar_rl.runs.run_folder import FINISHED, SAVED, run_path
 __all__ = ["Run"]
 
 LOGS = ("metrics", "terminal_states", "calibration", "timing")
-FOLLOWED = ("success_rate", "completed")
-"""Columns of the metrics whose running means are kept."""
-WINDOW = 5
-"""Rows over which they run: a new row counts for one in this many."""
 
 
 class Run:
@@ -40,8 +36,7 @@ class Run:
         config: plain values; recorded, and compared when resuming.
         subtask: that the run trains, or None.
         total: environment steps, for the bar.
-        trials: whether the best so far is told by `trial_progress`, where a row has it; otherwise it is told by a
-            running mean of the subtasks completed in training.
+        trials: whether the best so far is told by trials; see `BestSoFar`.
         unread: sections of the config that the recipe does not read: they may differ when the run is resumed.
 
     Raises:
@@ -62,9 +57,9 @@ class Run:
         self._hold()
         self.record = {name: value for name, value in config.items() if name not in (*MACHINE_ONLY, *unread)}
         self.record["subtask"] = subtask
-        self.config, self.total, self.trials = config, total, trials
-        self.env_steps, self.seconds, self.turn, self.rated = 0, 0.0, 0, 0
-        self.recent, self.best, self.improved = dict.fromkeys(FOLLOWED, 0.0), -1.0, False
+        self.config, self.total = config, total
+        self.env_steps, self.seconds, self.turn = 0, 0.0, 0
+        self.best = BestSoFar(trials)
         self.components: dict[str, Any] = {}
         self.metrics = MetricsLog(self.results / "metrics.csv")
         self.terminal_states = MetricsLog(self.results / "terminal_states.csv")
@@ -156,11 +151,11 @@ class Run:
         steps = env_steps - self.env_steps
         self.seconds, self._clock = self.seconds + now - self._clock, now
         self.env_steps = env_steps
-        self._follow(row)
+        self.best.add(row)
         self.metrics.append({"env_steps": env_steps, **row})
         self.timing.append({"env_steps": env_steps, "minutes": self.seconds / 60, "steps": steps})
         self.bar.update(env_steps - self.bar.n)
-        self.bar.set_postfix(success=f"{self.recent['success_rate']:.2f}" if self.rated else "-")
+        self.bar.set_postfix(success=str(self.best))
 
     def log_terminal_states(self, env_steps: int, skill: int, poses: Tensor) -> None:
         """Adds one row of terminal_states.csv for each state in which a skill succeeded.
@@ -188,24 +183,6 @@ class Run:
             numbers = {"score": score, "outcome": outcome, "states": states}
             self.calibration.append({"env_steps": env_steps, "skill": skill, "signal": signal, **numbers})
 
-    def _follow(self, row: Mapping[str, Any]) -> None:
-        """Running means of training, and whether this row is the best so far; of equals, the newest is.
-
-        The success rate is the plain mean of the rows so far until there are `WINDOW` of them. The subtasks completed
-        are averaged from 0 on: so a policy that succeeds by luck in its first rows is not the best.
-        """
-        success, completed = (row.get(name, math.nan) for name in FOLLOWED)
-        if not math.isnan(success):
-            self.rated += 1
-            self.recent["success_rate"] += (success - self.recent["success_rate"]) / min(self.rated, WINDOW)
-        if not math.isnan(completed):
-            self.recent["completed"] += (completed - self.recent["completed"]) / WINDOW
-        measured = row.get("trial_progress" if self.trials else "completed", math.nan)
-        judged = measured if self.trials else self.recent["completed"]
-        self.improved = not math.isnan(measured) and judged >= self.best
-        if self.improved:
-            self.best = judged
-
     def save_if_due(self, every: int) -> None:
         """Writes a checkpoint if `every` environment steps have gone by since the last one.
 
@@ -227,9 +204,7 @@ class Run:
             "seconds": self.seconds,
             "last_save": self._last_save,
             "turn": self.turn,
-            "recent": dict(self.recent),
-            "rated": self.rated,
-            "best": self.best,
+            **self.best.state_dict(),
         }
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
@@ -243,8 +218,7 @@ class Run:
             getattr(self, name).check(rows[name])
         self.env_steps, self.seconds = int(state["env_steps"]), float(state["seconds"])
         self._last_save, self.turn = int(state["last_save"]), int(state["turn"])
-        self.recent = {name: float(state["recent"][name]) for name in FOLLOWED}
-        self.rated, self.best = int(state.get("rated", WINDOW)), float(state["best"])  # a run of before: many
+        self.best.load_state_dict(state)
         for name in LOGS:
             getattr(self, name).truncate(rows[name])
 

@@ -162,6 +162,6 @@ class SpirlTraining:
     def log(self, rollout: TensorDictBase, log: Mapping[str, float]) -> None:
         """Logs a rollout (N, 1) with its rewards, keeps the agent if it is the best so far, saves if it is time."""
         self.run.log(self.steps, **rollout_metrics(rollout), **log, **self.collection.counts())
-        if self.run.improved:
+        if self.run.best.improved:
             self.keep("best")
         self.run.save_if_due(self.save_every)
