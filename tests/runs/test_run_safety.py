@@ -1,4 +1,4 @@
-"""What a run does not lose: two runs in one folder, a damaged checkpoint, lost rows, another config, a dirty tree."""
+"""What a run does not lose: two runs in one folder, a damaged checkpoint, lost rows, a dirty tree."""
 
 import os
 import subprocess
@@ -10,11 +10,9 @@ import pytest
 import torch
 from saved_run import a_run, a_run_that_saved, contents
 
-from tstar_rl.checks import NothingToDo
 from tstar_rl.runs import checkpoint, lock, versions
 from tstar_rl.runs.csv_tables import LogError
 from tstar_rl.runs.lock import RunInUseError
-from tstar_rl.runs.mismatch import CheckpointMismatchError
 
 ROOT = Path(__file__).resolve().parents[2]
 HOLD = "import sys; from pathlib import Path; from tstar_rl.runs import lock; lock.hold(Path(sys.argv[1])); "
@@ -115,82 +113,6 @@ def test_a_table_that_has_lost_rows_stops_a_run_that_resumes(tmp_path):
         assert contents(tmp_path) == before
 
 
-def test_another_config_stops_a_run_that_resumes_and_leaves_it_finished(tmp_path):
-    a_run_that_saved(tmp_path)
-    run = a_run(tmp_path)
-    run.finish()
-    before = contents(tmp_path)
-    with pytest.raises(CheckpointMismatchError, match="size was None.*resume=false starts over"):
-        a_run(tmp_path, size=3).start(module=torch.nn.Linear(1, 1))
-    assert contents(tmp_path) == before
-
-
-def test_a_run_that_has_finished_begins_anew_only_if_it_is_told_to(tmp_path):
-    run = a_run(tmp_path)
-    run.start(module=torch.nn.Linear(1, 1))
-    (run.work / "last").mkdir()
-    (run.results / "evaluation.csv").write_text("progress\n1\n")
-    run.finish()
-    before = contents(tmp_path)
-    with pytest.raises(NothingToDo, match=r"seed0 has finished: nothing to do \(resume=false starts over\)"):
-        a_run(tmp_path).start(module=torch.nn.Linear(1, 1))
-    assert contents(tmp_path) == before
-    run = a_run(tmp_path, resume=False)
-    run.start(module=torch.nn.Linear(1, 1))
-    assert not (run.work / "last").exists() and not (run.results / "evaluation.csv").exists()
-
-
-def test_a_run_that_has_finished_and_has_a_checkpoint_is_not_gone_over_again(tmp_path):
-    run = a_run(tmp_path, training={"total_steps": 1})
-    run.start()
-    run.log(10)
-    run.save_if_due(0)
-    run.log(15)  # a training ends between two checkpoints
-    (run.work / "last").mkdir()
-    run.finish()
-    before = contents(tmp_path)
-    with pytest.raises(NothingToDo, match="nothing to do"):
-        a_run(tmp_path, training={"total_steps": 1}).start()
-    assert contents(tmp_path) == before
-    assert a_run(tmp_path, training={"total_steps": 20}).start() == 10  # more steps are something to do
-
-
-def test_an_evaluation_is_of_the_steps_that_a_run_was_given(tmp_path):
-    run = a_run(tmp_path, training={"total_steps": 1})
-    run.start()
-    run.log(10)
-    run.save_if_due(0)
-    run.finish()
-    table = run.results / "evaluation.csv"
-    table.write_text("progress\n1\n")
-    a_run(tmp_path, training={"total_steps": 1}).start()
-    assert table.is_file()
-    a_run(tmp_path, training={"total_steps": 2}).start()
-    assert not table.is_file()
-
-
-def test_what_a_recipe_does_not_read_may_differ_when_its_run_is_resumed(tmp_path):
-    run = a_run(tmp_path, chain={"rounds": 1})
-    run.start()
-    run.log(10)
-    run.save_if_due(0)
-    assert a_run(tmp_path, chain={"rounds": 3}, unread=("chain",)).start() == 10
-    with pytest.raises(CheckpointMismatchError, match="chain.rounds was 1 .* and is 3 now"):
-        a_run(tmp_path, chain={"rounds": 3}).start()
-
-
-def test_more_steps_without_a_checkpoint_to_go_on_from_leave_a_run_finished(tmp_path):
-    run = a_run(tmp_path, training={"total_steps": 1})
-    run.start(module=torch.nn.Linear(1, 1))
-    run.finish()
-    before = contents(tmp_path)
-    with pytest.raises(
-        CheckpointMismatchError, match="no checkpoint to go on from.*resume=false starts over"
-    ):
-        a_run(tmp_path, training={"total_steps": 2}).start(module=torch.nn.Linear(1, 1))
-    assert contents(tmp_path) == before
-
-
 def test_a_commit_says_whether_the_code_differs_from_it(tmp_path, monkeypatch):
     package = tmp_path / "tstar_rl" / "runs"
     package.mkdir(parents=True)
@@ -211,18 +133,6 @@ def test_a_commit_says_whether_the_code_differs_from_it(tmp_path, monkeypatch):
     assert versions.commit() == clean
     (tmp_path / "new.py").write_text("")
     assert versions.commit() == f"{clean}-dirty"
-
-
-def test_a_run_that_begins_anew_leaves_nothing_of_the_one_before(tmp_path):
-    module = a_run_that_saved(tmp_path)
-    work, table = (tmp_path / root / "table/chain/seed0" for root in ("runs", "results"))
-    for name in ("last", "best"):
-        checkpoint.save(work / name, {"module": module}, {})
-    (table / "evaluation.csv").write_text("checkpoint,success\nlast,1.0\n")
-    assert a_run(tmp_path).start(module=module) == 10 and (work / "last").is_dir()
-    assert a_run(tmp_path, resume=False).start(module=module) == 0
-    left = {path.name for path in (*work.iterdir(), *table.iterdir())}
-    assert not left & {"last", "best", "checkpoints", "evaluation.csv"} and "config.yaml" in left
 
 
 def test_two_runs_do_not_write_one_results_folder(tmp_path):
