@@ -12,6 +12,7 @@ from tstar_rl.launch.side_by_side import Step
 
 ROOT = Path(__file__).resolve().parents[2]
 ONE = ["experiment=shelf", "tasks=[chair_agne]", "seeds=[310]", "processes=1"]
+FEW = "arms=[no_finetuning]"
 ARMS = {"no_finetuning", "floored", "gaussian", "tstar", "buffer_costliest", "in_order_cloned"}
 
 
@@ -64,7 +65,7 @@ def test_when_the_time_is_over_it_says_so_and_asks_to_be_called_again(queue, cap
             raise subprocess.TimeoutExpired("gail_ppo", 1.0)
 
     with pytest.raises(SystemExit) as end:
-        queue("minutes=60", takes=too_long)
+        queue("minutes=60", FEW, takes=too_long)
     assert end.value.code == 75 and steps[-1][0] == "gail_ppo"
     assert "The time is over; the same command goes on." in capsys.readouterr().out
 
@@ -74,7 +75,7 @@ def test_a_step_that_fails_is_told_at_the_end(queue):
         raise SystemExit("this step failed: " + step[0])
 
     with pytest.raises(SystemExit, match="this step failed: make_demonstrations"):
-        queue(takes=fails)
+        queue(FEW, takes=fails)
 
 
 def test_where_a_step_fails_what_is_finished_and_declared_is_published(queue, tmp_path):
