@@ -25,7 +25,8 @@ def published(tmp_path):
     (tmp_path / "odd" / "README.md").write_text("# Odd chains\n")
 
     def shown(**changed):
-        contents(tmp_path, [{"folder": "odd", "kind": "experiment"}])
+        folders = sorted(folder.name for folder in tmp_path.iterdir() if folder.is_dir())
+        contents(tmp_path, [{"folder": folder, "kind": "experiment"} for folder in folders])
         file = tmp_path / "contents.yaml"
         file.write_text(
             file.read_text() + yaml.safe_dump({"headline": {**SHOWN, **changed}}, sort_keys=False)
@@ -50,6 +51,18 @@ def test_arms_and_differences_are_drawn_seed_by_seed(published):
     assert (low, high) == pytest.approx((0.375 - 1.5883, 0.375 + 1.5883), abs=1e-3)
 
 
+def test_a_difference_may_be_of_another_experiment(published):
+    root, shown = published
+    for seed, ours, theirs in ((7, 1.0, 0.0), (8, 0.5, 0.25)):
+        for arm, progress in (("later", ours), ("sooner", theirs)):
+            write(root, "even", arm, seed, progress)
+    (root / "even" / "README.md").write_text("# Even chains\n")
+    beside = {"beside": {"even": ["later", "sooner"]}}
+    _, differences = shown(**beside, differences={"there": ["later", "sooner"]}).headline.figure().axes
+    (dots,) = (line.get_xdata().tolist() for line in differences.lines if line.get_marker() == "o")
+    assert dots == [1.0, 0.25]
+
+
 def test_the_page_draws_it_into_one_file(published, tmp_path):
     root, shown = published
     shown()
@@ -65,6 +78,8 @@ def test_the_page_draws_it_into_one_file(published, tmp_path):
         ({"task": "chair"}, "no rows of buffer, tstar"),
         ({"arms": {"mine": "mine"}}, "no rows of mine; there are buffer, tstar"),
         ({"differences": {"one": ["tstar", "mine"]}}, "have no seed in common"),
+        ({"beside": {"odd": ["tstar"]}}, "headline: tstar of .*odd must be an arm of it and of no other"),
+        ({"beside": {"odd": ["mine"]}}, "headline: mine of .*odd must be an arm of it and of no other"),
     ],
 )
 def test_mistakes_are_named(published, changed, message):

@@ -33,11 +33,13 @@ def test_the_pages_and_the_readme_are_what_the_published_tables_say():
 
 
 QUOTED = [
-    "tstar - buffer_bonus", "tstar - buffer", "tstar_costliest - buffer_costliest",
+    "tstar - buffer_bonus", "tstar - buffer", "further_training: tstar_no_gate - buffer_bonus_no_gate",
+    "further_training: tstar_no_gate - buffer_no_gate", "tstar_costliest - buffer_costliest",
     "further_training: buffer - own_starts", "further_training: own_starts - no_finetuning",
     "buffer - no_finetuning", "gaussian - no_finetuning", "buffer_costliest - buffer",
     "in_order_cloned - tstar", "recovery: recover_always - no_finetuning", "input_floor: floored - no_finetuning",
-    "from_scratch: tstar - gaussian", "further_training: tstar_no_gate - buffer_no_gate",
+    "from_scratch: tstar - gaussian",
+    "both: tstar - buffer_bonus", "both: tstar - gaussian", "both: tstar - buffer",
     "input_floor: tstar - gaussian",
     "tstar_between_costliest - buffer_costliest", "tstar_between - buffer_bonus",
     "feasibility_costliest - buffer_costliest", "from_scratch: floored - no_finetuning",
@@ -54,10 +56,13 @@ QUOTED = [
     "recovery: recover_90 - no_finetuning",
     "recovery: recover_always - recover", "recovery: recover_late - no_finetuning",
     "further_training: own_starts - no_finetuning", "further_training: buffer - own_starts",
+    "further_training: buffer - buffer_no_gate", "further_training: tstar_no_gate - gaussian_no_gate",
+    "further_training: tstar_no_gate - buffer_bonus_no_gate", "further_training: tstar_no_gate - buffer_no_gate",
     "in_order_cloned - in_order_demonstrated",
 ]  # fmt: skip
 """The arms of each difference with an interval in the notes, in their order; the last one is the README's own.
-Before the arms: the folder and the task, where these are not beyond_tstar and table_lack."""
+Before the arms: the folder and the task, where these are not beyond_tstar and table_lack; `both` are that folder's arms
+and those of further_training without the gate, seeds of both."""
 
 
 def rounded(number: float, digits: int) -> str:
@@ -73,7 +78,13 @@ def test_differences_in_the_text_are_those_of_the_tables_and_their_intervals_are
 
     @functools.cache
     def rows(folder: str, task: str = "table_lack") -> pd.DataFrame:
-        return read_experiment(PUBLISHED / folder).chosen(task)
+        if folder != "both":
+            return read_experiment(PUBLISHED / folder).chosen(task)
+        gated, kept = rows("beyond_tstar"), rows("further_training")
+        kept = kept[kept["arm"].str.endswith("_no_gate")]
+        return pd.concat(
+            [gated, kept.assign(arm=kept["arm"].str.removesuffix("_no_gate"))], ignore_index=True
+        )
 
     wrong = []
     for named, (value, words, *ends) in zip(QUOTED, quoted, strict=True):

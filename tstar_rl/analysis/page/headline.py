@@ -1,10 +1,11 @@
 """The page's first figure: which arms and differences it shows, from contents.yaml."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 from matplotlib.figure import Figure
 
 from tstar_rl.analysis.experiments import read_experiment
@@ -25,10 +26,24 @@ class Headline:
     """Names of arms, and what each is called here."""
     differences: Mapping[str, tuple[str, str]]
     """What each is called; the first arm minus the second."""
+    beside: Mapping[Path, tuple[str, ...]] = field(default_factory=dict)
+    """Arms of other experiments that differences are of. Seeds are paired by number, so each difference has both arms
+    from one experiment."""
 
     def figure(self) -> Figure:
-        """Of the last checkpoints; see `headline_figure`."""
+        """Of the last checkpoints; see `headline_figure`.
+
+        Raises:
+            ValueError: for an arm that two of the experiments have, or that the one that is said to have it lacks.
+        """
         rows = read_experiment(self.folder).chosen(self.task)
+        for folder, arms in self.beside.items():
+            others = read_experiment(folder).chosen(self.task)
+            if wrong := [arm for arm in arms if arm in set(rows["arm"]) or arm not in set(others["arm"])]:
+                raise ValueError(
+                    f"headline: {', '.join(wrong)} of {folder} must be an arm of it and of no other"
+                )
+            rows = pd.concat([rows, others[others["arm"].isin(arms)]], ignore_index=True)
         return headline_figure(rows, self.arms, self.differences, self.margin)
 
 
@@ -43,7 +58,7 @@ def parse_headline(root: Path, values: Mapping[str, Any]) -> Headline:
         ValueError: for a field that is missing or not known, and for a difference that is not of two arms.
     """
     valid = [each.name for each in fields(Headline)]
-    wrong = sorted(set(valid) ^ set(values))
+    wrong = sorted(set(valid) ^ {"beside", *values})
     if wrong:
         raise ValueError(
             f"headline has {', '.join(valid)}; of these are missing or unknown: {', '.join(wrong)}"
@@ -52,4 +67,7 @@ def parse_headline(root: Path, values: Mapping[str, Any]) -> Headline:
         if len(pair) != 2:
             raise ValueError(f"headline: the difference {words!r} must be of two arms, got {pair}")
     differences = {words: (str(one), str(other)) for words, (one, other) in values["differences"].items()}
-    return Headline(**{**values, "folder": root / values["folder"], "differences": differences})
+    beside = {root / folder: tuple(map(str, arms)) for folder, arms in values.get("beside", {}).items()}
+    return Headline(
+        **{**values, "folder": root / values["folder"], "differences": differences, "beside": beside}
+    )
