@@ -1,13 +1,16 @@
-"""What a trial of a chain tells of each skill, and what of it need not be found again."""
+"""What a trial of a chain tells of each skill and which chain is the best, and what of it need not be found again."""
 
 import pytest
 import torch
 from point_chain import PointChain, make_skills
 from torch.testing import assert_close
 
+from tstar_rl.chaining.chain import load_chain
 from tstar_rl.chaining.skill import Skill
+from tstar_rl.chaining.training import Training
 from tstar_rl.chaining.trials import Trial, run_trial
 from tstar_rl.rollouts.collection import with_starts
+from tstar_rl.runs import checkpoint
 
 
 @pytest.fixture
@@ -77,3 +80,21 @@ def test_skills_after_one_that_never_succeeds_have_no_episodes(skills):
     assert [len(found.starts) for found in trial.skills] == [8, 8, 0, 0] and not len(
         trial.skills[3].path.states
     )
+
+
+def test_the_best_chain_is_that_of_the_best_trial(point_chain, tmp_path, monkeypatch):
+    """The second turn leaves a skill that walks backwards."""
+    finish = Training._finish_rollout
+
+    def spoil(training, rollout):
+        if training.run.turn == 1:
+            training.skill.policy[0][1].module[0][-1].bias.data[0] = -1.0
+        return finish(training, rollout)
+
+    monkeypatch.setattr(Training, "_finish_rollout", spoil)
+    values = ("chain.gate=false", "chain.trial_every=1", "chain.links=2", "chain.steps_per_turn=512")
+    point_chain("tstar", *values)
+    places = [tmp_path / f"runs/table_lack/tstar/seed0/{name}" for name in ("best", "last")]
+    best, last = (float(load_chain(p)[1].policy[0][1].module[0][-1].bias.data[0]) for p in places)
+    assert last == -1.0 < 0 < best
+    assert checkpoint.read_record(places[0] / "skill0")["env_steps"] == 512

@@ -11,10 +11,8 @@ from tstar_rl.chaining import turns
 from tstar_rl.chaining.chain import load_chain
 from tstar_rl.chaining.gate import Gate
 from tstar_rl.chaining.skill import Skill
-from tstar_rl.chaining.training import Training
 from tstar_rl.chaining.trials import run_trial
 from tstar_rl.chaining.turns import Turn
-from tstar_rl.runs import checkpoint
 from tstar_rl.seeds import derive_seed
 
 SHORT = ("chain.gate=false", "chain.steps_per_turn=512", "chain.trial_every=100")
@@ -206,24 +204,6 @@ def test_turns_trials_and_the_episodes_before_them_have_seeds_and_limits_of_thei
     before, tried = ((None, derive_seed(0, purpose), 7) for purpose in ("harvest", "validate"))
     first, second = ((index, derive_seed(0, "chain", index), 9) for index in range(2))
     assert made == [before, first, tried, tried, second, tried]
-
-
-def test_the_best_chain_is_that_of_the_best_trial(point_chain, tmp_path, monkeypatch):
-    """The second turn leaves a skill that walks backwards."""
-    finish = Training._finish_rollout
-
-    def spoil(training, rollout):
-        if training.run.turn == 1:
-            training.skill.policy[0][1].module[0][-1].bias.data[0] = -1.0
-        return finish(training, rollout)
-
-    monkeypatch.setattr(Training, "_finish_rollout", spoil)
-    values = ("chain.gate=false", "chain.trial_every=1", "chain.links=2", "chain.steps_per_turn=512")
-    point_chain("tstar", *values)
-    places = [tmp_path / f"runs/table_lack/tstar/seed0/{name}" for name in ("best", "last")]
-    best, last = (float(load_chain(p)[1].policy[0][1].module[0][-1].bias.data[0]) for p in places)
-    assert last == -1.0 < 0 < best
-    assert checkpoint.read_record(places[0] / "skill0")["env_steps"] == 512
 
 
 def test_a_chain_begins_with_the_checkpoint_that_is_asked_for(point_chain, tmp_path, monkeypatch):
