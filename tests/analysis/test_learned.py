@@ -28,7 +28,7 @@ def skills(*success: list[float], **more) -> pd.DataFrame:
 def test_a_skill_is_learned_if_its_mean_and_its_worst_seed_are_good():
     rows = skills([0.95, 0.9, 1.0], [1.0, 1.0, 0.89], [0.94, 0.95, 0.95], [1.0, 1.0])
     found = learned_skills(RULE, rows)
-    assert found["answer"].tolist() == ["yes", "no", "no", "being measured: 2 of 3 seeds"]
+    assert found["answer"].tolist() == ["yes", "no", "no", "measured so far: 2 of 3 seeds"]
     assert found["mean"].tolist() == pytest.approx([0.95, 0.9633, 0.9467, 1.0], abs=1e-4)
     assert found["lowest"].tolist() == [0.9, 0.89, 0.94, 1.0]
 

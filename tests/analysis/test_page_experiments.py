@@ -92,8 +92,8 @@ def test_declared_questions_are_answered_when_their_seeds_are_there(published):
     for part in (lead, rest):  # both seeds differ by .25; the probability of improvement is .875
         assert re.search(r"\| Is it higher\? \| \+0\.250 \[[^|]+\| \*\*yes\*\* \|", part)
         assert re.search(r"\| Is it better\? \| \+0\.250 \[[^|]+\| \*\*not shown\*\* \|", part)
-        assert "| **being measured: 2 of 3 seeds** |" in part
-        assert "| And mine? | - | **being measured: 0 of 1 seeds** |" in part
+        assert "| **measured so far: 2 of 3 seeds** |" in part
+        assert "| And mine? | - | **measured so far: 0 of 1 seeds** |" in part
 
 
 def test_the_turns_of_an_experiment_by_hand(published):

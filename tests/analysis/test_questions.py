@@ -23,8 +23,8 @@ def said(*rows: dict, pairs=(("a", "b"),), seeds=10, **rule) -> str:
     ("row", "expected"),
     [
         (compared(), "yes"),
-        (compared(seeds=9), "being measured: 9 of 10 seeds"),
-        (compared("a", "c"), "being measured: 0 of 10 seeds"),
+        (compared(seeds=9), "measured so far: 9 of 10 seeds"),
+        (compared("a", "c"), "measured so far: 0 of 10 seeds"),
         (compared(difference=0.01, half=0.02), "no: a gain of 0.05 is ruled out"),
         (compared(difference=-0.01, half=0.02), "no: a gain of 0.05 is ruled out"),
         (compared(difference=-0.1, half=0.02), "no: it is lower"),
@@ -63,7 +63,7 @@ def test_every_pair_must_be_higher():
     pairs = (("a", "b"), ("a", "c"))
     assert said(compared(), compared(second="c"), pairs=pairs) == "yes"
     assert said(compared(), compared(second="c", half=0.2), pairs=pairs) == "not shown"
-    assert said(compared(), compared(second="c", seeds=9), pairs=pairs) == "being measured: 9 of 10 seeds"
+    assert said(compared(), compared(second="c", seeds=9), pairs=pairs) == "measured so far: 9 of 10 seeds"
     assert said(compared(), compared(second="c", difference=-0.1), pairs=pairs) == "not shown"
     better = {"pairs": pairs, "improvement": 0.95}
     assert said(compared(), compared(second="c"), **better) == "yes"

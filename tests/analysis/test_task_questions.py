@@ -90,7 +90,7 @@ def row(value=0.8, low=0.6, high=0.9, ahead=8, behind=1, tasks=9, runs=10, seeds
             row(0.7, 0.45, 0.8),
             "not decided; 3.2 times as many seeds probably would",
         ),  # (.25 / .2) ** 2 x 2.043
-        (row(runs=9), "being measured: 9 of 10 runs"),
+        (row(runs=9), "measured so far: 9 of 10 runs"),
     ],
 )
 def test_an_answer_follows_the_interval_and_the_signs(found, expected):
@@ -101,4 +101,4 @@ def test_an_answer_follows_the_interval_and_the_signs(found, expected):
 def test_a_pair_that_was_not_run_is_being_measured():
     question = TaskQuestion("Does a help?", ("a", "c"), runs=10)
     for found in (pd.DataFrame(), pd.DataFrame([row()])):
-        assert answer_over_tasks(question, found) == "being measured: 0 of 10 runs"
+        assert answer_over_tasks(question, found) == "measured so far: 0 of 10 runs"

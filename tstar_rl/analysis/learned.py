@@ -56,5 +56,5 @@ def learned_skills(rule: Learned, rows: pd.DataFrame) -> pd.DataFrame:
     good = (found["mean"] >= rule.mean - ROUNDING) & (found["lowest"] >= rule.lowest - ROUNDING)
     said = good.map({True: "yes", False: "no"})
     few = found["size"] < rule.seeds
-    said[few] = [f"being measured: {seeds} of {rule.seeds} seeds" for seeds in found["size"][few]]
+    said[few] = [f"measured so far: {seeds} of {rule.seeds} seeds" for seeds in found["size"][few]]
     return found.assign(answer=said).drop(columns="size")

@@ -46,11 +46,11 @@ def answer(question: Question, found: pd.DataFrame) -> str:
         found: of `compare_arms`; where the question has an `improvement`, with a column `corrected` of p-values.
     """
     if found.empty:
-        return f"being measured: 0 of {question.seeds} seeds"
+        return f"measured so far: 0 of {question.seeds} seeds"
     lines = [found[(found["first"] == one) & (found["second"] == other)] for one, other in question.pairs]
     measured = min(int(line["seeds"].max()) if len(line) else 0 for line in lines)
     if measured < question.seeds:
-        return f"being measured: {measured} of {question.seeds} seeds"
+        return f"measured so far: {measured} of {question.seeds} seeds"
     rows = pd.concat(lines)
     if question.improvement is not None:
         sure = (rows["improvement"] >= question.improvement) & (rows["corrected"] < 0.05)

@@ -103,7 +103,7 @@ def answer_over_tasks(question: TaskQuestion, found: pd.DataFrame) -> str:
     )
     runs = int(rows["runs"].iloc[0]) if len(rows) else 0
     if runs < question.runs:
-        return f"being measured: {runs} of {question.runs} runs"
+        return f"measured so far: {runs} of {question.runs} runs"
     row = rows.iloc[0]
     said, alone = (_answer(row, question.margin, name) for name in ("improvement", "seeds"))
     kind, other = (each.split(";")[0] for each in (said, alone))
