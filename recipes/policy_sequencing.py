@@ -13,7 +13,7 @@ import tstar_rl as rl
 
 @rl.recipe("policy_sequencing", bonus=float | None, from_checkpoint=str)
 def main(config: DictConfig) -> None:
-    """Algorithm 1, second loop, less what is red in it; starts are drawn as chain.starts says."""
+    """Algorithm 1, second loop, less D_omega and its reward (GAIL stays: appendix C); starts as chain.starts says."""
     f_phi = rl.settings(rl.DiscriminatorSettings, config.f_phi)
     for turn in rl.chain_turns(config):
         update_policy = turn.policy_update()

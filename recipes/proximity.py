@@ -31,7 +31,7 @@ def main(config: DictConfig) -> None:
         update_f_phi = turn.discriminator_update("f_phi", turn.skill, f_phi, expert=1.0, agent=-1.0)
         if following:
             update_p = turn.labelled_update("proximity", following, rl.squared_error_loss, learning)
-            p = turn.signal("proximity", rl.ProximityReward(following.network("proximity")))
+            p = rl.ProximityReward(following.network("proximity"))
         gail = rl.GAILReward(turn.skill.f_phi)
         reward = rl.weighted(mixture, {"gail": gail, "proximity": None})
         reward_with_p = rl.weighted(mixture, {"gail": gail, "proximity": p})
@@ -39,10 +39,12 @@ def main(config: DictConfig) -> None:
         for rollout in turn.rollouts():
             turn.skill.termination_set.extend_from(turn.chained(rollout))
             log = update_f_phi(expert=turn.expert.observations, agent=rollout["observation"])
-            if following:
+            if following and p is not None:
                 states = following.approaches
                 log |= update_p(states.observations(), states.proximities(config.decay))
-                reward = reward_with_p if update_p.has_learned else reward
+                if update_p.has_learned:
+                    reward = reward_with_p
+                    turn.signal("proximity", p)
             log |= update_policy(reward(rollout), turn.progress)
             turn.log(rollout, log)
 

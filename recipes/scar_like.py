@@ -24,8 +24,8 @@ def main(config: DictConfig) -> None:
         update_d_seams = turn.discriminator_update("d_seams", skill, d_seams, initiation=1.0, termination=0.0)
         terms = {"gail": rl.GAILReward(skill.f_phi)}
         if pays:
-            d = rl.TerminalStateReward(skill.network("d_seams"), **config.terminal_reward)
-            terms["tsr"] = turn.signal("d_seams", d)
+            d = turn.once_learned("d_seams", skill)
+            terms["tsr"] = rl.TerminalStateReward(d, **config.terminal_reward)
         reward = rl.weighted(rl.settings(rl.RewardMixture, config.reward), terms)
 
         for rollout in turn.rollouts():
@@ -33,6 +33,8 @@ def main(config: DictConfig) -> None:
             skill.termination_set.extend_from(turn.chained(rollout))
             log = update_f_phi(expert=turn.expert.observations, agent=rollout["observation"])
             log |= update_d_seams.on_sides([seam.states() for seam in turn.seams], weight=0.5)
+            if pays and update_d_seams.has_learned:
+                turn.signal("d_seams", terms["tsr"])
             log |= update_policy(reward(rollout), turn.progress)
             turn.log(rollout, log)
 

@@ -22,7 +22,8 @@ def main(config: DictConfig) -> None:
                 "d_omega", turn.seam.after, d_omega, initiation=1.0, termination=0.0
             )
         if following:
-            terms["tsr"] = rl.TerminalStateReward(following.d_omega, **config.terminal_reward)
+            d = turn.once_learned("d_omega", following)
+            terms["tsr"] = rl.TerminalStateReward(d, **config.terminal_reward)
         reward = rl.weighted(rl.settings(rl.RewardMixture, config.reward), terms)
 
         for rollout in turn.rollouts():

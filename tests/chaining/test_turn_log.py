@@ -29,6 +29,9 @@ def test_a_d_omega_is_judged_once_it_was_trained_itself(point_chain):
     ends = table[table.handed.notna()]
     assert ends.skill.tolist() == [0, 1, 0, 1] and (ends.handed > 1).all()
     assert ends.d_omega_sd.notna().tolist() == [False, False, True, True]
+    # Before that it pays nothing: what an untrained network says would be noise.
+    paid = table[table.skill < 2].groupby(["round", "skill"]).tsr_on_success.max()
+    assert paid.loc[0].tolist() == [0, 0] and (paid.loc[1] > 0).all()
 
 
 def test_terminal_states_that_are_logged_are_those_the_skill_reached(point_chain, tmp_path, monkeypatch):

@@ -18,7 +18,7 @@ from tstar_rl.chaining.calibration import (
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.signal_equations import remaining_share, temporal_difference
 
-__all__ = ["Signal", "StateValue", "critic_errors", "judge", "outcomes_of", "value_scale"]
+__all__ = ["OnceLearned", "Signal", "StateValue", "critic_errors", "judge", "outcomes_of", "value_scale"]
 
 
 class Signal(Protocol):
@@ -27,6 +27,23 @@ class Signal(Protocol):
     def said(self, obs: Tensor) -> Tensor:
         """obs: (n, O) -> (n, 1)."""
         ...
+
+
+class OnceLearned(nn.Module):
+    """A network of scores that pays nothing for what it has not learned yet.
+
+    Args:
+        network: observations (..., O) -> (..., 1).
+        has_learned: whether it has made a step on data.
+    """
+
+    def __init__(self, network: nn.Module, has_learned: Callable[[], bool]) -> None:
+        super().__init__()
+        self.network, self.has_learned = network, has_learned
+
+    def forward(self, obs: Tensor) -> Tensor:
+        """obs: (..., O) -> (..., 1); 0 until it has learned."""
+        return self.network(obs) if self.has_learned() else torch.zeros_like(obs[..., :1])
 
 
 class StateValue(nn.Module):

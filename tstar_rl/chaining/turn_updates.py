@@ -2,14 +2,15 @@
 
 from collections.abc import Callable
 from itertools import pairwise
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 import torch
 from tensordict import TensorDictBase
 from torch import Tensor
 
 from tstar_rl.chaining.chain_training import ChainTraining
-from tstar_rl.chaining.signals import Signal, critic_errors, outcomes_of
+from tstar_rl.chaining.seam import Seam
+from tstar_rl.chaining.signals import OnceLearned, Signal, critic_errors, outcomes_of
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.chaining.training import AnyUpdate, Distance, Training
 from tstar_rl.checks import InvalidValueError
@@ -28,22 +29,10 @@ from tstar_rl.updates import (
 )
 from tstar_rl.updates.sampled import SampledUpdate
 
-__all__ = ["Seam", "TurnUpdates"]
+__all__ = ["TurnUpdates"]
 
 AnySignal = TypeVar("AnySignal", bound=Signal)
 Scoring = TypeVar("Scoring", bound=SampledUpdate)
-
-
-class Seam(NamedTuple):
-    """Two skills, one after the other."""
-
-    before: Skill
-    after: Skill
-
-    def states(self) -> dict[str, Tensor]:
-        """What a discriminator of the seam tells apart: where the second succeeds from, and where the first ends."""
-        after, before = self.after.initiation_set, self.before.termination_set
-        return {"initiation": after.observations(), "termination": before.observations()}
 
 
 class TurnUpdates(Training):
@@ -98,6 +87,13 @@ class TurnUpdates(Training):
     def learned(self, name: str, skill: Skill) -> Discriminator | None:
         """A skill's network that a turn before has trained, with data, and that was kept; else None."""
         return skill.network(name) if f"{skill.subtask}/{name}" in self.chain.learned else None
+
+    def once_learned(self, name: str, skill: Skill) -> OnceLearned:
+        """A skill's network as what pays: it says 0 of every state until this turn, or a kept one, has trained it."""
+        place = f"{skill.subtask}/{name}"
+        return OnceLearned(
+            skill.network(name), lambda: place in self.chain.learned or place in self.learned_here()
+        )
 
     def learned_here(self) -> set[str]:
         """The networks of scores that this turn has trained, with data, as in `ChainTraining.learned`."""

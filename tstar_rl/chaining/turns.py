@@ -17,9 +17,10 @@ from tensordict import TensorDictBase
 from tstar_rl.chaining.calibration import area_under_curve
 from tstar_rl.chaining.chain import save_chain
 from tstar_rl.chaining.chain_training import ChainTraining
+from tstar_rl.chaining.seam import Seam
 from tstar_rl.chaining.signals import judge
 from tstar_rl.chaining.trials import Trial, run_trial
-from tstar_rl.chaining.turn_updates import Seam, TurnUpdates
+from tstar_rl.chaining.turn_updates import TurnUpdates
 from tstar_rl.env.layout import NUM_PHASES, PARTS
 
 __all__ = ["Seam", "Turn", "chain_turns"]
