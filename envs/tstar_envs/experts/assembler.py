@@ -111,10 +111,11 @@ class Assembler:
         above = beside + before.unsqueeze(-1) * scene.way_out
         above = torch.where(straight.is_one.unsqueeze(-1), straight.goal(beside, scene.way_out), above)
         # Not yet upright: up first, on the spot, then turn about the part's own middle.
-        lift = scene.part.new_zeros(scene.part.shape)
-        lift[:, 2] = self._carry_height(state, scene) - scene.part[:, 2]
+        middle = self._middle(state, scene)
+        lift = torch.zeros_like(middle)
+        lift[:, 2] = self._carry_height(state, scene, middle) - middle[:, 2]
         high = lift[:, 2] < 0.06
-        about = torch.where(upright.unsqueeze(-1), scene.moving_connector, scene.part)
+        about = torch.where(upright.unsqueeze(-1), scene.moving_connector, middle)
         offset = torch.where(upright.unsqueeze(-1), above, lift)
         turn = torch.where((high | upright).unsqueeze(-1), turn, torch.zeros_like(turn))
         twist = self._twist(offset, turn, torch.zeros_like(high))
@@ -125,9 +126,15 @@ class Assembler:
         )
         return torch.cat([twist[:, :3] + lever, twist[:, 3:]], dim=-1), connect
 
-    def _carry_height(self, state: EpisodeState, scene: Scene) -> Tensor:
+    def _middle(self, state: EpisodeState, scene: Scene) -> Tensor:
+        """The moving part's middle, m, world, (N, 3)."""
+        tables, k = self.task.tables, self.task.tables.step_index(state["subtask"])
+        turned = self.task.part_poses[torch.arange(len(k), device=k.device), tables.moving[k], 3:]
+        return scene.part + geometry.quat_rotate(turned, tables.middle[k])
+
+    def _carry_height(self, state: EpisodeState, scene: Scene, middle: Tensor) -> Tensor:
         """Height of the part's middle at which it can be turned upright clear of everything, m, (N,)."""
-        length = (scene.moving_connector - scene.part).norm(dim=-1)
+        length = (scene.moving_connector - middle).norm(dim=-1)
         asked = self.task.tables.turn_height[self.task.tables.step_index(state["subtask"])]
         return torch.maximum(scene.target_connector[:, 2] + length + APPROACH + 0.01, asked)
 

@@ -71,6 +71,14 @@ class Part:
         """What the part collides with."""
         return (*self.boxes, *self.cylinders, *self.capsules)
 
+    @property
+    def centre_of_mass(self) -> Vec3:
+        """In the part's frame, m. What lies in two shapes counts twice, as it does in MuJoCo."""
+        volumes = [shape.volume for shape in self.shapes]
+        sums = [sum(v * s.pos[i] for v, s in zip(volumes, self.shapes, strict=True)) for i in range(3)]
+        x, y, z = (each / sum(volumes) for each in sums)
+        return x, y, z
+
     def connector(self, name: str) -> Connector:
         """Returns the connector of that name. Raises: FurnitureError if there is none."""
         return _find(self.connectors, name, f"connector of part {self.name!r}")
@@ -90,7 +98,7 @@ class Step:
             must where a standing part is taken from the side.
         travel_height: height over the grasp point at which the hand comes there, m: over what stands in between.
         turn_height: height of the part's own middle above the floor, m, below which it cannot be turned; 0 where its
-            connector's distance from that middle is what needs room.
+            connector's distance from that middle is what needs room. The middle is `RecipeTables.middle`.
         approach: how the moving connector comes to the target's: from straight `above`, or along their `axis`.
         insertion: length of the last stretch of that way, m, on which the part is inside the target or between its
             neighbours, so that it can only go straight.

@@ -5,6 +5,7 @@ Lengths in m, quaternions (w, x, y, z). A cylinder or capsule stands along its o
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 Vec3 = tuple[float, float, float]
@@ -26,6 +27,11 @@ class Box:
         """Its longest side, m."""
         return 2 * max(self.size)
 
+    @property
+    def volume(self) -> float:
+        """m^3."""
+        return 8 * math.prod(self.size)
+
 
 @dataclass(frozen=True)
 class Cylinder:
@@ -46,6 +52,11 @@ class Cylinder:
         """From end to end or across, whichever is more, m."""
         return 2 * max(self.half_length, self.radius)
 
+    @property
+    def volume(self) -> float:
+        """m^3."""
+        return 2 * math.pi * self.radius**2 * self.half_length
+
 
 @dataclass(frozen=True)
 class Capsule(Cylinder):
@@ -55,6 +66,11 @@ class Capsule(Cylinder):
     def extent(self) -> float:
         """From tip to tip, m."""
         return 2 * (self.half_length + self.radius)
+
+    @property
+    def volume(self) -> float:
+        """m^3, with the two half balls at its ends."""
+        return super().volume + 4 / 3 * math.pi * self.radius**3
 
 
 Shape = Box | Cylinder

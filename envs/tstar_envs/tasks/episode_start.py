@@ -153,9 +153,8 @@ class EpisodeStarts:
         turn = geometry.axis_angle_quat(axis, tilt * self._uniform(1).squeeze(-1))
         quat = geometry.quat_mul(turn, quat)
         # The part comes from the side its body lies on: shift it back along the connectors' up axis only.
-        back = -1.0 if float(geometry.up_axis(connector[3:]) @ connector[:3]) > 0 else 1.0
         away = MIN_CLEARANCE + self.settings.jitter * shift[:, 2:].abs()
-        offset = torch.cat([aside * shift[:, :2], back * away], dim=-1)
+        offset = torch.cat([aside * shift[:, :2], self.tables.side[step] * away], dim=-1)
         point = goal[:3] + geometry.quat_rotate(goal[3:].expand(n, 4), offset)
         return point - geometry.quat_rotate(quat, connector[:3].expand(n, 3)), quat
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 
 import torch
@@ -9,10 +10,15 @@ from torch import Tensor
 
 from tstar_envs import geometry
 from tstar_envs.connection import padded
-from tstar_envs.furniture.schema import Furniture, Step
+from tstar_envs.furniture.schema import Connector, Furniture, Part, Step
+from tstar_envs.furniture.shapes import Vec3
 
 _HALF_A_TURN = 1e-6
 """Two quaternions whose product is nearer to 0 than this are half a turn apart."""
+_LEVEL = 1e-9
+"""m: a connector no further from the plane of a body's middle is in it."""
+_ASTRAY = 0.25
+"""Of the longest shape of a part: a frame that far from the centre of mass does not stand in the part's middle."""
 
 
 class RecipeTables:
@@ -22,6 +28,7 @@ class RecipeTables:
         steps = range(len(furniture.steps))
         connectors = [furniture.connectors_of(k) for k in steps]
         grasps = [furniture.grasp_of(k) for k in steps]
+        parts = [furniture.part(step.moving_part) for step in furniture.steps]
 
         def rows(values: Iterable[Sequence[float] | float]) -> Tensor:
             return torch.tensor(list(values), dtype=torch.float64, device=device)
@@ -41,8 +48,12 @@ class RecipeTables:
         """(K, 3), world: the way from the grasp point to where the hand waits before it grasps."""
         self.follows_axis = torch.tensor([[s.approach == "axis"] for s in furniture.steps], device=device)
         """(K, 1): whether the moving connector comes along the target's axis, not from straight above."""
-        self.way_out = _way_out(self.moving_connector, self.target_frame)
+        self.side = rows(_side(part, moving) for part, (moving, _) in zip(parts, connectors, strict=True))
+        """(K,): 1 where the moving part's body comes to lie over the target connector, along its up axis; -1: under."""
+        self.way_out = self.side.unsqueeze(-1) * self.target_frame[:, :, 2]
         """(K, 3), target part's frame: away from the target connector, where the moving one comes from."""
+        self.middle = rows(_middle(part) for part in parts)
+        """(K, 3), moving part's frame: what the script lifts and turns the part about."""
         self.insertion = rows(step.insertion for step in furniture.steps)
         self.clearance = rows(step.clearance for step in furniture.steps)
         self.travel_height = rows(step.travel_height for step in furniture.steps)
@@ -114,10 +125,20 @@ def _retreat(step: Step) -> Sequence[float]:
     return (0.0, 0.0, 1.0) if step.grasp_from == "above" else [-x for x in step.grip_angle]
 
 
-def _way_out(moving_connector: Tensor, target_frame: Tensor) -> Tensor:
-    """The target's up axis (K, 3), or its opposite: the side on which the body of the moving part comes to lie."""
-    beyond = (geometry.up_axis(moving_connector[:, 3:]) * moving_connector[:, :3]).sum(-1, keepdim=True)
-    return torch.where(beyond > 0, -target_frame[:, :, 2], target_frame[:, :, 2])
+def _side(part: Part, connector: Connector) -> float:
+    """-1 if the part's body lies under its connector, along the connector's up axis; else 1.
+
+    By its centre of mass: a part's frame may stand anywhere, also at the connector.
+    """
+    up = geometry.up_axis(torch.tensor(connector.quat, dtype=torch.float64)).tolist()
+    height = sum(u * (c - m) for u, c, m in zip(up, connector.pos, part.centre_of_mass, strict=True))
+    return -1.0 if height > _LEVEL else 1.0
+
+
+def _middle(part: Part) -> Vec3:
+    """The frame's origin, as pieces have it in a part's middle; the centre of mass where the frame stands elsewhere."""
+    centre, length = part.centre_of_mass, max(shape.extent for shape in part.shapes)
+    return centre if math.hypot(*centre) > _ASTRAY * length else (0.0, 0.0, 0.0)
 
 
 def _part_indices(furniture: Furniture, names: list[str], device: torch.device) -> Tensor:

@@ -77,6 +77,17 @@ def test_a_part_may_be_a_cylinder_alone(chair):
     assert model.body("seat").mass[0] == pytest.approx(50 * math.pi * 0.1**2 * 0.006)
 
 
+def test_a_part_s_centre_of_mass_is_mujoco_s(chair):
+    place = {"pos": [0.02, 0, 0.1], "quat": [0.6, 0.8, 0, 0]}
+    round_shapes = {
+        "cylinders": [{"radius": 0.02, "half_length": 0.1, **place}],
+        "capsules": [{"radius": 0.03, "half_length": 0.02, "pos": [0, 0.05, 0]}],
+    }
+    piece = chair(lambda d: d["parts"]["side"].update(round_shapes))
+    for part in piece.parts:
+        assert build_model(piece).body(part.name).ipos == pytest.approx(part.centre_of_mass, abs=1e-12)
+
+
 def test_a_round_connector_fits_at_any_turn(chair):
     piece = chair(lambda d: put(d, "parts", "side", "connectors", "seat", "allowed_degrees", "any"))
     connector = piece.part("side").connector("seat")
