@@ -6,7 +6,6 @@ python recipes/evaluate.py path=runs/table_lack/tstar/seed1/last   # system, see
 python recipes/evaluate.py pretrained=table_lack               # a trained chain that comes with the package
 """
 
-import itertools
 import json
 import math
 from collections.abc import Iterable, Mapping
@@ -36,7 +35,7 @@ from tstar_rl.rollouts.recorder import Recorder
 from tstar_rl.runs.checkpoint import is_checkpoint
 from tstar_rl.runs.csv_tables import append_rows
 from tstar_rl.runs.run_config import note_evaluation
-from tstar_rl.runs.run_folder import FINISHED, made_by, read_run_path, run_path
+from tstar_rl.runs.run_folder import FINISHED, is_untrained, made_by, read_run_path, run_path
 from tstar_rl.seeds import evaluation_seed
 from tstar_rl.shipped.chain import ShippedChain
 
@@ -50,6 +49,13 @@ class Candidate(NamedTuple):
     subtask: int | None
     links: int | None
     spent: Mapping[str, float]
+
+
+class Found(NamedTuple):
+    """Where the skills of a checkpoint lie, in order, and whether they are a chain: one of one skill is one, too."""
+
+    folders: list[Path]
+    chain: bool
 
 
 @recipe(
@@ -114,44 +120,50 @@ def _candidates(config: DictConfig, given: Iterable[str]) -> tuple[Path, dict[st
         return run_folder(config, "results_dir"), {chain.record["checkpoint"]: one}
     results, checkpoints = _places(config, given)
     skills, _ = begun_with(results, config)
-    return results, {name: _trained(config, skills, folders) for name, folders in checkpoints.items()}
+    return results, {name: _trained(config, skills, found) for name, found in checkpoints.items()}
 
 
-def _trained(config: DictConfig, begun_with: str, folders: list[Path]) -> Candidate:
-    """One skill, or the chain of the skills in these folders."""
-    skills = [load_skill(folder, task=config.task.name) for folder in folders]
-    chain = len(skills) > 1
-    if chain:
-        check_links(config, len(skills))
-    policy = (chain_policy(config, skills, folders) if chain else skills[0].policy).to(config.device)
-    links = len(skills) if chain else None
-    return Candidate(
-        policy, None if chain else skills[0].subtask, links, _spent(config, begun_with, folders, chain)
-    )
+def _trained(config: DictConfig, begun_with: str, found: Found) -> Candidate:
+    """One skill, or a chain."""
+    skills = [load_skill(folder, task=config.task.name) for folder in found.folders]
+    spent = _spent(config, begun_with, found)
+    if not found.chain:
+        return Candidate(skills[0].policy.to(config.device), skills[0].subtask, None, spent)
+    check_links(config, len(skills))
+    policy = chain_policy(config, skills, found.folders).to(config.device)
+    return Candidate(policy, None, len(skills), spent)
 
 
-def _places(config: DictConfig, given: Iterable[str]) -> tuple[Path, dict[str, list[Path]]]:
-    """The folder of the table, and for each checkpoint found the folders of its skills, in order.
+def _places(config: DictConfig, given: Iterable[str]) -> tuple[Path, dict[str, Found]]:
+    """The folder of the table, and what each checkpoint found is.
 
     Args:
         config: its system, seed and subtask become those of config.path, where that is a run's.
         given: the values of the command line.
     """
     after = _take_from_path(config, given)
-    results, names = run_folder(config, "results_dir"), list(config.checkpoints)
+    results, names, chained = run_folder(config, "results_dir"), list(config.checkpoints), False
     if after is None or after.parts:  # a checkpoint, not a run
         path = Path(config.path)
         _check_checkpoints(config, given)
         homes, names = [path.parent], [path.name]
         results = path.parent if after is None else results / after.parent
     else:
-        homes = evaluated_runs(config)
-    found = {name: [_skills(home / name) for home in homes] for name in names}
-    complete = {name: [*itertools.chain(*parts)] for name, parts in found.items() if all(parts)}
+        homes, chained = evaluated_runs(config), is_untrained(config.system)
+    found = {name: _found([home / name for home in homes], chained) for name in names}
+    complete = {name: one for name, one in found.items() if one is not None}
     if not complete:
         places = " or ".join(str(homes[0] / name) for name in names)
         raise MissingFileError(f"no skill and no chain at {places}{made_by(homes[0])}")
     return results, complete
+
+
+def _found(places: list[Path], chained: bool) -> Found | None:
+    """What is saved there: one skill each, `chained` as they are or one alone, or a chain; None: not all is there."""
+    if all(map(is_checkpoint, places)):
+        return Found(places, chained)
+    folders = chain_folders(places[0]) if len(places) == 1 else []
+    return Found(folders, True) if folders else None
 
 
 def _keys(given: Iterable[str]) -> set[str]:
@@ -198,21 +210,16 @@ def _take_from_path(config: DictConfig, given: Iterable[str]) -> Path | None:
     return after
 
 
-def _skills(place: Path) -> list[Path]:
-    """The folder of the one skill saved at `place`, or of each skill of the chain saved there."""
-    return [place] if is_checkpoint(place) else chain_folders(place)
-
-
-def _spent(config: DictConfig, begun_with: str, folders: list[Path], chain: bool) -> dict[str, float]:
+def _spent(config: DictConfig, begun_with: str, found: Found) -> dict[str, float]:
     """Environment steps and minutes that went into the skills, training and fine-tuning together.
 
     They are nan where a run has not ended. The best checkpoint cost what the last one did: its whole run was needed to
     tell that it is the best.
     """
-    runs = {folder.parents[1 if folder.name.startswith("skill") else 0] for folder in folders}
-    if chain:
+    runs = {folder.parents[1 if folder.name.startswith("skill") else 0] for folder in found.folders}
+    if found.chain:
         task, seed = config.task.name, config.seed
-        runs |= {run_path(config.runs_dir, task, begun_with, seed, i) for i in range(len(folders))}
+        runs |= {run_path(config.runs_dir, task, begun_with, seed, i) for i in range(len(found.folders))}
     files = [run / FINISHED for run in runs]
     if not all(file.is_file() for file in files):
         return dict.fromkeys(SPENT, math.nan)

@@ -97,19 +97,19 @@ def _recordings(config: DictConfig) -> Iterator[Recording]:
 def _episodes(config: DictConfig) -> Recording:
     """Episodes of the skill or the chain at config.path."""
     path = Path(config.path)
-    folders = [path] if is_checkpoint(path) else chain_folders(path)
+    chain = not is_checkpoint(path)
+    folders = chain_folders(path) if chain else [path]
     if not folders:
         raise MissingFileError(f"no skill and no chain at {path}")
     refuse_recovery(folders[0])
     _check_world(config)
     skills = [load_skill(folder, task=config.task.name).to(config.device) for folder in folders]
-    if 1 < len(skills) < config.task.subtasks:
+    if chain and len(skills) < config.task.subtasks:
         raise InvalidValueError(
             f"{path} is a chain of {len(skills)} of {config.task.subtasks} skills, whose episodes do not end with it: "
             "only whole chains and single skills are exported"
         )
-    subtask = None if len(skills) > 1 else skills[0].subtask
-    policy = skills[0].policy if len(skills) == 1 else ChainPolicy(skills)
+    subtask, policy = (None, ChainPolicy(skills)) if chain else (skills[0].subtask, skills[0].policy)
     seed = derive_seed(config.seed, "export", list(MODES).index(config.mode), subtask)
     torch.manual_seed(seed)
     env = environment(config, subtask, config.episodes, seed, snapshots=True).base_env

@@ -23,7 +23,7 @@ from tstar_rl.launch.steps import chosen_scale, ended_since, evaluated_runs, run
 from tstar_rl.runs.csv_tables import read_table
 from tstar_rl.runs.mismatch import CheckpointMismatchError, differences
 from tstar_rl.runs.run_config import read_config
-from tstar_rl.runs.run_folder import made_by
+from tstar_rl.runs.run_folder import is_untrained, made_by
 from tstar_rl.shipped.chain import save_shipped
 
 FIGURES = ("episodes", "progress", "success", "success_low", "success_high", "episode_length")
@@ -53,7 +53,7 @@ def main(config: DictConfig) -> None:
 def _folders(config: DictConfig) -> list[Path]:
     """Those of the chain's skills, in order."""
     homes = [run / config.checkpoint for run in evaluated_runs(config)]
-    found = chain_folders(homes[0]) if len(homes) == 1 else homes
+    found = homes if is_untrained(config.system) else chain_folders(homes[0])
     if not found:
         raise MissingFileError(f"no chain at {homes[0]}{made_by(homes[0])}")
     refuse_recovery(found[0])

@@ -11,7 +11,7 @@ import yaml
 from hydra import compose, initialize_config_dir
 from recipe_runs import load_recipe
 
-from tstar_rl.chaining.chain import save_chain
+from tstar_rl.chaining.chain import ChainPolicy, save_chain
 from tstar_rl.chaining.skill import NetworkSettings, Skill
 from tstar_rl.config.values import CONFIGS
 from tstar_rl.shipped.catalogue import load_pretrained
@@ -71,8 +71,8 @@ def test_system_and_seed_are_those_of_the_path(recipe, made, given):
     assert results.resolve() == made / "results" / "table_lack" / "tstar" / "seed1"
     assert list(found) == ["last"]
     run = made / "runs" / "table_lack" / "tstar" / "seed1"
-    assert [folder.resolve() for folder in found["last"]] == [run / one for one in CHAIN]
-    assert recipe._spent(config, "gail_ppo", found["last"], True) == {"env_steps": 1020, "minutes": 102}
+    assert [folder.resolve() for folder in found["last"].folders] == [run / one for one in CHAIN]
+    assert recipe._spent(config, "gail_ppo", found["last"]) == {"env_steps": 1020, "minutes": 102}
 
 
 @pytest.mark.parametrize("results", ["results/gpu", "runs/quick/results", "runs"])
@@ -87,7 +87,7 @@ def test_results_may_lie_anywhere(recipe, made, results):
         config, place, found = places(recipe, f"path={path}", *where)
         assert (config.system, config.seed, config.subtask) == ("gail_ppo", 2, 1)
         assert place == Path(results, "table_lack/gail_ppo/seed2/subtask1")
-        assert [folder.resolve() for folder in found["last"]] == [
+        assert [folder.resolve() for folder in found["last"].folders] == [
             runs / "table_lack" / "gail_ppo" / "seed2" / "subtask1" / "last"
         ]
 
@@ -96,8 +96,23 @@ def test_skills_chained_as_they_are_have_results_but_no_run(recipe, made):
     path = "results/table_lack/no_finetuning/seed1"
     config, results, found = places(recipe, f"path={path}", "chain.links=2")
     skills = [Path(f"runs/table_lack/gail_ppo/seed1/subtask{index}/last") for index in range(2)]
-    assert results == Path(path) and found == {"last": skills}
-    assert recipe._spent(config, "gail_ppo", skills, True) == {"env_steps": 20, "minutes": 2}
+    assert results == Path(path) and found == {"last": (skills, True)}
+    assert recipe._spent(config, "gail_ppo", found["last"]) == {"env_steps": 20, "minutes": 2}
+
+
+@pytest.mark.parametrize(("system", "steps"), [("tstar", 1010), ("no_finetuning", 10)])
+def test_a_chain_of_one_skill_is_evaluated_as_a_chain(recipe, made, system, steps):
+    """It is the whole of a piece of one step, whose pipeline looks for as many episodes as a whole piece has."""
+    skill = Skill("table_lack", 0, NetworkSettings(hidden=(8,), std="fixed"))
+    save_chain([skill], made / "runs/table_lack/tstar/seed1/last")
+    values = [f"system={system}", "seed=1", "task.subtasks=1"]
+    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
+        config = compose("recipe/evaluate", values)
+    found = recipe._candidates(config, values)[1]["last"]
+    assert (found.subtask, found.links) == (None, 1) and isinstance(found.policy, ChainPolicy)
+    assert found.spent["env_steps"] == steps  # of the skill's own training, too
+    one = places(recipe, "path=runs/table_lack/tstar/seed1/last/skill0")[2]
+    assert not one["skill0"].chain
 
 
 def test_a_path_that_is_one_checkpoint_is_of_no_other(recipe, made):
@@ -115,7 +130,7 @@ def test_one_skill_of_a_chain_and_a_folder_of_no_run(recipe, made):
     (made / "runs" / "table_lack" / "tstar" / "seed1").rename(made / "mine")
     config, results, found = places(recipe, "path=mine/last", "seed=3")
     assert config.seed == 3 and results == Path("mine")
-    assert found == {"last": [Path("mine", one) for one in CHAIN]}
+    assert found == {"last": ([Path("mine", one) for one in CHAIN], True)}
 
 
 @pytest.mark.parametrize(

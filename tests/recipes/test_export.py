@@ -59,6 +59,12 @@ def test_episodes_of_a_chain_with_recovery_are_not_made_without_it(call, tmp_pat
         call("export", *QUICK, f"path={tmp_path / 'chain'}", "episodes=2", "formats=[hdf5]")
 
 
+def test_a_chain_of_one_skill_of_four_is_no_whole_chain(say, tmp_path):
+    save_chain([Skill("chair_ingolf", 0, NetworkSettings(hidden=(8,)))], tmp_path / "chain")
+    told = say("export", *QUICK, f"path={tmp_path / 'chain'}", "episodes=2", "formats=[hdf5]")
+    assert "chain is a chain of 1 of 4 skills, whose episodes do not end with it" in told
+
+
 def test_episodes_of_a_run_are_of_the_world_that_it_was_trained_in(call, say, tmp_path):
     run = run_path("runs/quick", "chair_ingolf", "bc", 0, 1)
     results = tmp_path / run_path("runs/quick/results", "chair_ingolf", "bc", 0, 1)

@@ -9,6 +9,7 @@ import pytest
 import torch
 import yaml
 from hydra import compose, initialize_config_dir
+from recipe_runs import load_recipe
 
 from tstar_rl.chaining.chain import load_chain, save_chain
 from tstar_rl.chaining.skill import NetworkSettings, Skill
@@ -46,6 +47,15 @@ def test_a_chain_with_recovery_is_not_shipped(trained, call):
     with pytest.raises(SystemExit, match="last is a chain with recovery, which evaluate.py alone runs"):
         call("ship", "scale=narrow", "seed=4", "variant=mended", "says=goes home")
     assert not Path("runs/shipped").exists()
+
+
+def test_skills_chained_as_they_are_may_be_one(trained):
+    """Of a piece of one step."""
+    skill = Path("runs/table_lack/gail_ppo/seed4/subtask0/last")
+    Skill("table_lack", 0, NetworkSettings(hidden=(8,))).save(skill)
+    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
+        config = compose("recipe/ship", ["system=no_finetuning", "seed=4", "task.subtasks=1"])
+    assert load_recipe("ship")._folders(config) == [skill]
 
 
 def test_a_chain_is_shipped_with_what_is_known_of_it(trained, call, capsys):
