@@ -26,7 +26,7 @@ from tstar_rl.checks import InvalidValueError, MissingFileError
 from tstar_rl.config.build import environment, load_skill
 from tstar_rl.config.chain import check_links
 from tstar_rl.config.load import recipe
-from tstar_rl.config.pretrained import take_pretrained
+from tstar_rl.config.pretrained import check_same_chain, take_pretrained
 from tstar_rl.config.recovery import chain_policy
 from tstar_rl.config.values import plain
 from tstar_rl.launch.steps import begun_with, check_evaluation, ended_since, evaluated_runs, run_folder
@@ -117,7 +117,8 @@ def _candidates(config: DictConfig, given: Iterable[str]) -> tuple[Path, dict[st
         figures = next(iter(chain.record["figures"].values()))
         spent = {name: figures.get(name, math.nan) for name in SPENT}
         one = Candidate(chain.to(config.device), None, len(chain.policies), spent)
-        return run_folder(config, "results_dir"), {chain.record["checkpoint"]: one}
+        check_same_chain(results := run_folder(config, "results_dir"), config)
+        return results, {chain.record["checkpoint"]: one}
     results, checkpoints = _places(config, given)
     skills, _ = begun_with(results, config)
     return results, {name: _trained(config, skills, found) for name, found in checkpoints.items()}

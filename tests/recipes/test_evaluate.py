@@ -14,7 +14,6 @@ from recipe_runs import load_recipe
 from tstar_rl.chaining.chain import ChainPolicy, save_chain
 from tstar_rl.chaining.skill import NetworkSettings, Skill
 from tstar_rl.config.values import CONFIGS
-from tstar_rl.shipped.catalogue import load_pretrained
 
 CHAIN = ["last/skill0", "last/skill1"]
 
@@ -212,28 +211,3 @@ def test_rows_of_an_earlier_training_do_not_stand_beside_new_ones(recipe, call, 
     os.utime(ended, (later := table.stat().st_mtime + 10, later))
     call("evaluate", *values, "modes=[stochastic]", module=recipe)
     assert pd.read_csv(table)["mode"].tolist() == ["stochastic"]
-
-
-def test_a_shipped_chain_brings_its_task_seed_settings_and_episodes(recipe, call, tmp_path, capsys):
-    record = load_pretrained("table_lack").record
-    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
-        config = compose("recipe/evaluate", ["pretrained=table_lack", "task=chair_ingolf", "scale=narrow"])
-    results, found = recipe._candidates(config, ["pretrained=table_lack"])
-    assert results == Path("results/table_lack/pretrained/tstar") / f"seed{record['seed']}"
-    assert (config.task.name, config.task.subtasks) == ("table_lack", 4) and config.env == record["env"]
-    assert config.evaluation.whole_episodes == record["figures"]["deterministic"]["episodes"]
-    assert (
-        list(found) == [record["checkpoint"]] and found["last"].links == 4 and found["last"].subtask is None
-    )
-    values = [
-        "modes=[deterministic]",
-        "evaluation.whole_episodes=2",
-        "video=false",
-        "seed=5",
-        "+env.max_steps=3",
-    ]
-    call("evaluate", "pretrained=table_lack/tstar", *values, f"results_dir={tmp_path}", module=recipe)
-    table = pd.read_csv(tmp_path / "table_lack/pretrained/tstar/seed5/evaluation.csv")
-    assert table[["checkpoint", "episodes", "episode_length"]].values.tolist() == [["last", 2, 12.0]]
-    assert table.env_steps[0] == record["figures"]["deterministic"]["env_steps"]
-    assert "another world than that of the figures recorded" in capsys.readouterr().out

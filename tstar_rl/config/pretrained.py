@@ -2,16 +2,19 @@
 
 import re
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any
 
 from omegaconf import DictConfig, open_dict
 
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.values import plain, task_section
+from tstar_rl.runs.mismatch import CheckpointMismatchError
+from tstar_rl.runs.run_config import read_config
 from tstar_rl.shipped.catalogue import CHAINS, find_pretrained
 from tstar_rl.shipped.chain import ShippedChain, load_shipped
 
-__all__ = ["chain_env", "take_pretrained"]
+__all__ = ["chain_env", "check_same_chain", "take_pretrained"]
 
 ITS_OWN = ("task", "scale", "env", "system", "subtask", "path", "checkpoints", "chain.links")
 """Values that a shipped chain brings with it; single settings of the task (env.noise=...) may be given."""
@@ -21,7 +24,8 @@ def take_pretrained(config: DictConfig, given: Iterable[str]) -> ShippedChain:
     """Loads the chain config.pretrained, "<task>" or "<task>/<variant>", and gives the config what belongs to it.
 
     That is the task, its settings (`chain_env`), and, where the command line does not give them, the seed and the
-    number of episodes that its figures are of. The system becomes pretrained/<variant>: a results folder of its own.
+    number of episodes that its figures are of. The system becomes pretrained/<variant>, or shipped/<variant> where the
+    chain is none of the package's: a results folder of its own. pretrained_sha256 tells the chain from others.
 
     Args:
         config: changed in place.
@@ -36,13 +40,16 @@ def take_pretrained(config: DictConfig, given: Iterable[str]) -> ShippedChain:
         raise InvalidValueError(
             f"pretrained={config.pretrained} brings its own {', '.join(twice)}: leave {'=..., '.join(twice)}=... out"
         )
-    place = find_pretrained(config.pretrained, folder=config.pretrained_dir or CHAINS)
+    folder = Path(config.pretrained_dir or CHAINS)
+    place = find_pretrained(config.pretrained, folder=folder)
     task, variant = place.parent.name, place.name
+    whose = "pretrained" if folder.resolve() == CHAINS.resolve() else "shipped"
     chain = load_shipped(place, task=task)
     with open_dict(config):
         config.task = task_section(task)
         config.env = chain_env(chain, config, given)
-        config.system, config.subtask = f"pretrained/{variant}", None
+        config.system, config.subtask = f"{whose}/{variant}", None
+        config.pretrained_sha256 = chain.sha256
         if "seed" not in names:
             config.seed = chain.record["seed"]
         if "evaluation.whole_episodes" not in names:
@@ -50,6 +57,25 @@ def take_pretrained(config: DictConfig, given: Iterable[str]) -> ShippedChain:
                 int(row["episodes"]) for row in chain.record["figures"].values()
             )
     return chain
+
+
+def check_same_chain(results: Path, config: DictConfig) -> None:
+    """Refuses to write into a folder of results that has those of another chain of the same name.
+
+    Args:
+        results: its config.yaml says which chain was evaluated; an older one does not.
+        config: as `take_pretrained` leaves it.
+
+    Raises:
+        CheckpointMismatchError: it names the folder.
+    """
+    saved = read_config(results)
+    if saved.get("pretrained_sha256") not in (None, config.pretrained_sha256):
+        folder = saved.get("pretrained_dir") or CHAINS
+        raise CheckpointMismatchError(
+            f"{results} has the results of another chain of this name, which was in {folder}: delete that folder of "
+            "results, or give another results_dir=..."
+        )
 
 
 def chain_env(chain: ShippedChain, config: DictConfig, given: Iterable[str]) -> dict[str, Any]:

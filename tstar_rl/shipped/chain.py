@@ -4,6 +4,7 @@ Optimisers, value networks, f_phi and the state sets stay behind: of a skill of 
 kept to the bit, so that their figures are those of the tables; d_omega, which is only looked at, in half precision.
 """
 
+import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -42,6 +43,14 @@ class ShippedChain(ChainPolicy):
     def env_settings(self) -> dict[str, Any]:
         """The settings that it was trained with: `FurnitureEnv(chain.task, 16, **chain.env_settings)`."""
         return dict(self.record["env"])
+
+    @property
+    def sha256(self) -> str:
+        """Of its policies: chains that have the same act alike, wherever they lie and whatever they are called."""
+        digest = hashlib.sha256()
+        for name, value in sorted(self.policies.state_dict().items()):
+            digest.update(name.encode() + value.cpu().numpy().tobytes())
+        return digest.hexdigest()
 
     def compare(self, row: Mapping[str, Any], env: Mapping[str, Any]) -> str:
         """What an evaluation makes of the figures recorded.
