@@ -4,11 +4,12 @@
     python recipes/feasibility.py label=share system=feasibility_share seed=0
     python recipes/feasibility.py hard_starts=0.5 reward.weights.tsr=0 system=hard_starts seed=0  # pays nothing
 
-F learns from every start of the next skill and what came of it, failures too: those in trials of the chain, and those
-in the next skill's own turns. Before the first of them it pays nothing. Its label is whether the next skill succeeded,
-or the share of the rest of the chain that was then done. With hard_starts, that share of chained starts is drawn where
-another classifier, of the skill's own outcomes, expects it to fail; it learns in the skill's own turn, so those before
-the first update are drawn uniformly. Control: `policy_sequencing.py` with the constant bonus that F paid on average.
+F learns from starts of the next skill and what came of them, failures too: all of those in trials of the chain, and
+the chained ones of the next skill's own turns (with chain.kept_states=all, all). Before the first of them it pays
+nothing. Its label is whether the next skill succeeded, or the share of the rest of the chain that was then done. With
+hard_starts, that share of chained starts is drawn where another classifier, of the skill's own outcomes, expects it to
+fail; it learns in the skill's own turn, so those before the first update are drawn uniformly. Control:
+`policy_sequencing.py` with the constant bonus that F paid on average.
 """
 
 from omegaconf import DictConfig
@@ -46,7 +47,8 @@ def main(config: DictConfig) -> None:
             skill.outcomes.add(*turn.outcomes(rollout, later))
             if config.hard_starts:
                 log |= update_own(skill.outcomes.observations(), skill.outcomes.labels("success"))
-                turn.begin_where_it_fails(own.said, config.hard_starts)
+                if update_own.has_learned:
+                    turn.begin_where_it_fails(own.said, config.hard_starts)
             log |= update_policy(reward(rollout), turn.progress)
             turn.log(rollout, log)
 

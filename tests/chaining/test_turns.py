@@ -185,7 +185,7 @@ def test_where_no_start_is_chained_no_terminal_state_is_kept(point_chain, monkey
     monkeypatch.setattr(Turn, "log", note)
     starts = "chain.starts={environment: 1.0, gaussian: 0.0, buffer: 0.0}"
     values = ("chain.links=2", "chain.seed_episodes=0", "chain.kept_states=chained", starts)
-    point_chain("tstar", "chain.gate=false", *values)
+    point_chain("policy_sequencing", "chain.gate=false", *values)
     assert added[0] > 0 and added[1] == 0
 
 

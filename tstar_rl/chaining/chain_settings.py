@@ -16,7 +16,7 @@ class ChainSettings:
     """How a chain is fine-tuned. docs/notation.md says which values are the paper's."""
 
     rounds: int
-    """Times that every skill has its turn."""
+    """Times that every skill has its turn; with order=costliest, turns over the number of skills."""
     seed_episodes: int
     """Of the chain as it is, before the first turn, whose states fill the sets; 0: the sets begin empty."""
     kept_states: Literal["all", "chained"]

@@ -105,7 +105,11 @@ class TurnUpdates(Training):
         Raises:
             InvalidValueError: the critic alone would learn in all turns of a skill.
         """
-        turns = self.chain.settings.rounds if self.chain.settings.carry_over else 1  # else each begins anew
+        settings = self.chain.settings
+        once = (
+            not settings.carry_over or settings.order == "costliest"
+        )  # each begins anew, or there may be no other
+        turns = 1 if once else settings.rounds
         rollouts = turns * self.chain.rollouts
         if rollouts <= (warm_up := self.settings.ppo.critic_warmup):
             raise InvalidValueError(
@@ -187,9 +191,10 @@ class TurnUpdates(Training):
         settings = self.chain.settings
         if self.chain.gate.settings.rejects:
             raise InvalidValueError("a gate does not put back what is cloned in a turn: set chain.gate=false")
-        if settings.rounds > 1 or settings.order == "costliest":
+        if settings.rounds > 1 or settings.order != "forward":
             raise InvalidValueError(
-                "a second turn of a skill would clone over what its first has learned: set chain.rounds=1 and "
+                "a second turn of a skill would clone over what its first has learned, and a turn before that of the "
+                "skill before it from where that ends no more: set chain.rounds=1 and "
                 f"chain.order=forward, got chain.rounds={settings.rounds} and chain.order={settings.order}"
             )
 

@@ -34,6 +34,8 @@ STEPS = (
     "refitted",
 )
 """Our recipes that start no other."""
+LEARN_FROM_KEPT = ("feasibility", "hand_over_value", "scar_like", "tstar")
+"""Recipes whose signal learns from the rows that chain.kept_states keeps."""
 PAPERS = {"score": "terminal", "baseline": "none"}
 """Of terminal_reward: the paper's, which every scale has."""
 CHAINED = "chain.links takes the first skills of a chain"
@@ -121,9 +123,19 @@ def _check_chain(values: Mapping[str, Any], name: str) -> None:
             f"chain.logged_skill must be in 0..{subtasks - 1} for {values['task']['name']}, got {chain['logged_skill']}"
         )
     starts = chain["starts"]
-    if values.get("hard_starts") and not starts["gaussian"] + starts["buffer"]:
+    if (
+        name in LEARN_FROM_KEPT
+        and chain["kept_states"] == "chained"
+        and not starts["gaussian"] + starts["buffer"]
+    ):
         raise ConfigError(
-            f"hard_starts is a share of the chained starts, and chain.starts has none; got {values['hard_starts']}"
+            f"chain.kept_states must be all for {name} where chain.starts has no chained starts, got chained: what "
+            "it learns from would never grow"
+        )
+    if values.get("hard_starts") and not starts["buffer"]:
+        raise ConfigError(
+            "hard_starts is a share of the starts from the buffer, and chain.starts has none; got "
+            f"{values['hard_starts']}"
         )
     if values.get("hard_starts") and values["collection"]["backend"] == "ray":
         raise ConfigError(
@@ -134,10 +146,15 @@ def _check_chain(values: Mapping[str, Any], name: str) -> None:
             f"skills must be clones, bc or bc_<...>, got {values['skills']}: what demonstrated_ends makes anew is "
             "cloned over a skill, and the normaliser of its networks is fitted again; or set demonstrated_ends=0"
         )
-    again = {"gate": chain["gate"], "rounds": chain["rounds"] > 1, "order": chain["order"] == "costliest"}
+    if values.get("demonstrated_ends") and values["normalizer"]["running"]:
+        raise ConfigError(
+            "normalizer.running must be false for what demonstrated_ends makes anew: a clone's inputs are scaled as "
+            "they were when it was fitted; or set demonstrated_ends=0"
+        )
+    again = {"gate": chain["gate"], "rounds": chain["rounds"] > 1, "order": chain["order"] != "forward"}
     if values.get("demonstrated_ends") and any(again.values()):
         said = ", ".join(f"chain.{key}={chain[key]}" for key in again if again[key])
         raise ConfigError(
             "what demonstrated_ends makes anew is cloned in the one turn of a skill, and stays: chain.gate must be "
-            f"false, chain.rounds 1 and chain.order not costliest, got {said}; or set demonstrated_ends=0"
+            f"false, chain.rounds 1 and chain.order forward, got {said}; or set demonstrated_ends=0"
         )
