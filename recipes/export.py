@@ -6,6 +6,7 @@ python recipes/export.py path=runs/table_lack/tstar/seed0/last  # 50 episodes of
 """
 
 import os
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -73,7 +74,13 @@ def main(config: DictConfig) -> None:
 
 
 def _name(config: DictConfig) -> str:
-    """Of the demonstrations: kind and seed. Of a checkpoint: the folders between the task's and its own."""
+    """Of the demonstrations: kind and seed, or imported and the file's name. Of a checkpoint: folders below the task's.
+
+    Minari takes letters, digits, - and _.
+    """
+    if config.path is None and config.demonstrations.get("file") is not None:
+        given = Path(config.demonstrations.file).resolve()
+        return "imported_" + re.sub(r"[^\w-]+", "_", given.name if given.is_dir() else given.stem)
     if config.path is None:
         return f"{config.demonstrations.kind}_seed{demonstrations_seed(config)}"
     parts = Path(config.path).resolve().parts
@@ -88,10 +95,16 @@ def _recordings(config: DictConfig) -> Iterator[Recording]:
     for subtask in demonstrated(config):
         found = load_demonstrations(config, subtask)
         env = FurnitureEnv(**found.arguments, num_envs=_simulations(config, len(found)), snapshots=True)
-        played = replay_demonstrations(env, found)
+        played = replay_demonstrations(env, found, _source(config, subtask))
         if lost := len(found) - len(played.successes.episodes):
             print(f"{lost} of {len(found)} demonstrations did not succeed again and are left out")
         yield played.successes
+
+
+def _source(config: DictConfig, subtask: int | None) -> str:
+    """The name of the user's file that demonstrations.file names, with its folder's where it names that."""
+    given = Path(config.demonstrations.get("file") or "").resolve()
+    return f"{given.name}/{part_name(subtask)}.hdf5" if given.is_dir() else given.name
 
 
 def _episodes(config: DictConfig) -> Recording:

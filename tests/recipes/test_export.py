@@ -52,6 +52,27 @@ def test_demonstrations_go_out_and_come_back_and_so_do_episodes(call, tmp_path, 
     assert not (again.episodes[0].observations[0] == again.episodes[1].observations[0]).all()
 
 
+@pytest.mark.parametrize("whole_folder", [True, False])
+def test_a_user_s_demonstrations_are_no_script_s_and_leave_the_script_s_alone(
+    call, tmp_path, whole_folder, monkeypatch
+):
+    minari = pytest.importorskip("minari")
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path / "minari"))
+    as_demonstrations(scripted()).save(
+        tmp_path / "demonstrations/quick/chair_ingolf/seed0/subtask1_noisy.npz"
+    )
+    values = [*QUICK, "demonstrations.episodes=2", "check=false"]
+    call("export", *values)
+    exports = tmp_path / "exports/chair_ingolf"
+    before = (exports / "noisy_seed0/subtask1.hdf5").read_bytes()
+    mine = write_hdf5(scripted(), tmp_path / "by hand, 2.0/subtask1.hdf5")
+    folder, said = ("by_hand_2_0", "by hand, 2.0/subtask1.hdf5") if whole_folder else ("subtask1", mine.name)
+    call("export", *values, f"demonstrations.file='{mine.parent if whole_folder else mine}'")
+    assert (exports / "noisy_seed0/subtask1.hdf5").read_bytes() == before
+    assert read_hdf5(exports / f"imported_{folder}/subtask1.hdf5").made_by == f"imported from {said}"
+    assert len(minari.load_dataset(f"tstar/chair_ingolf/subtask1_imported_{folder}-v0")) == 2
+
+
 def test_episodes_of_a_chain_with_recovery_are_not_made_without_it(call, tmp_path):
     skills = [Skill("chair_ingolf", index, NetworkSettings(hidden=(8,))) for index in range(2)]
     save_chain(skills, tmp_path / "chain", recovery={"settings": {}, "shares": [1.0]})

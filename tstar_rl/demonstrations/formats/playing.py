@@ -16,6 +16,7 @@ from torch import Tensor
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.demonstrations.data_set import Demonstrations
 from tstar_rl.demonstrations.formats.recording import Episode, Recording, differences
+from tstar_rl.demonstrations.header import KINDS
 from tstar_rl.rollouts.collection import with_starts
 
 __all__ = ["not_reproduced", "record", "replay", "replay_demonstrations"]
@@ -57,12 +58,13 @@ def replay(env: Any, starts: TensorDictBase, actions: Sequence[Tensor]) -> list[
     return episodes
 
 
-def replay_demonstrations(env: Any, demonstrations: Demonstrations) -> Recording:
+def replay_demonstrations(env: Any, demonstrations: Demonstrations, source: str = "a file") -> Recording:
     """Demonstrations as episodes with rewards and final states: played again from their first states.
 
     Args:
         env: a `FurnitureEnv` with snapshots=True, of the arguments of the demonstrations.
         demonstrations: with snapshots.
+        source: what imported ones were read from, for people to read.
 
     Raises:
         InvalidValueError: they have none.
@@ -74,9 +76,10 @@ def replay_demonstrations(env: Any, demonstrations: Demonstrations) -> Recording
     episodes = replay(env, demonstrations.snapshots[first], demonstrations.executed.split(lengths))
     labels, seeds = demonstrations.actions.split(lengths), demonstrations.seeds.tolist()
     together = zip(episodes, labels, seeds, strict=True)
+    scripted, kind = demonstrations.kind in KINDS, demonstrations.kind
     return Recording(
         env.arguments,
-        f"scripted assembler, {demonstrations.kind} demonstrations",
+        f"scripted assembler, {kind} demonstrations" if scripted else f"{kind} from {source}",
         [replace(episode, labels=label, seed=seed) for episode, label, seed in together],
         demonstrations.noise,
     )
