@@ -94,7 +94,10 @@ def test_a_critics_error_is_learned_in_its_own_turn(point_chain, errors_known):
 
 def test_an_error_that_was_learned_from_no_state_is_not_known(point_chain, errors_known):
     """Only chained starts count, and hardly any is drawn: in skill 1's turn the update is made, and has no data."""
-    values = ("chain.kept_states=chained", "chain.starts={environment: 0.999999999, gaussian: 0.0, buffer: 1e-9}")
+    values = (
+        "chain.kept_states=chained",
+        "chain.starts={environment: 0.999999999, gaussian: 0.0, buffer: 1e-9}",
+    )
     table = point_chain(
         "hand_over_value",
         *TWO,

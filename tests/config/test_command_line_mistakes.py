@@ -20,6 +20,7 @@ MISTAKES = [
     ("gail_ppo", ["+seed=1"], "An item is already at 'seed'. Either remove"),
     ("gail_ppo", ["seed=["], r"cannot read 'seed=\[': write key=value"),
     ("gail_ppo", ["--seed", "0"], "--seed is no option: values are given without dashes, seed=0"),
+    ("bc", ["-m", "subtask=0,1"], "-m is not for recipes, each of which runs once: loop in the shell"),
     ("gail_ppo", ["--seed=3"], "--seed=3 is no option: values are given without dashes, seed=3"),
     # an unknown option of a group
     ("gail_ppo", ["task=table_lak"], "task must be one of bench_bjursta, .*configs/task.*did you mean table_lack"),

@@ -11,6 +11,7 @@ from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.demonstrations import check_made, load_demonstrations
 from tstar_rl.demonstrations.data_set import Demonstrations
 from tstar_rl.demonstrations.header import DemonstrationError
+from tstar_rl.env.task_tables import furniture_digest
 
 
 @pytest.fixture
@@ -78,6 +79,22 @@ def test_those_of_another_kind_are_refused(demonstrations, tmp_path):
         load_demonstrations(asked, 2)
     with pytest.raises(DemonstrationError, match="kind was 'noisy' when it was saved, and is 'plain' now"):
         check_made(asked, 2, "plain")
+
+
+def test_those_of_another_file_of_furniture_are_refused_and_told_what_else_is_old(demonstrations, tmp_path):
+    replace(demonstrations, furniture=furniture_digest("table_lack")).save(place(tmp_path))
+    assert load_demonstrations(config(tmp_path), 2).furniture == furniture_digest("table_lack")
+    check_made(config(tmp_path), 2, "noisy")
+    replace(demonstrations, furniture=furniture_digest("toy_table")).save(
+        place(tmp_path)
+    )  # stands for an edited one
+    told = "made with another table_lack.yaml than there is now, and so were the skills, chains and tables"
+    for asked in (
+        lambda: load_demonstrations(config(tmp_path), 2),
+        lambda: check_made(config(tmp_path), 2, "noisy"),
+    ):
+        with pytest.raises(DemonstrationError, match=told):
+            asked()
 
 
 def test_a_file_is_kept_if_it_is_what_would_be_made(demonstrations, tmp_path):

@@ -6,6 +6,7 @@ import torch
 from tstar_rl import FurnitureEnv
 from tstar_rl.demonstrations.collect import collect
 from tstar_rl.demonstrations.data_set import Demonstrations
+from tstar_rl.env.task_tables import furniture_digest
 from tstar_rl.rollouts.collection import with_starts
 
 TASK, NUM_ENVS, EPISODES, NOISE, SEED = "table_lack", 3, 5, 0.1, 7
@@ -37,6 +38,7 @@ def test_labels_are_clean_and_what_was_executed_has_noise_on_the_arm_alone(made)
     assert (noise != 0).all() and float(noise.std()) == pytest.approx(NOISE, rel=0.1)
     plain = collect(lambda seed: with_starts(make(seed, 1)), 1, "plain", NOISE, SEED)
     assert torch.equal(plain.actions, plain.executed) and plain.noise == 0.0
+    assert made.furniture == furniture_digest(made.task)
 
 
 def test_the_last_step_of_each_is_the_one_that_succeeds(made):

@@ -137,6 +137,7 @@ def test_no_file(tmp_path):
         ("snapshot/task/potential", None, "field snapshot/task/potential is missing"),
         ("snapshot/task/mood", np.zeros(7), "field snapshot/task/mood is unknown; valid: snapshot/physics, "),
         ("noise", np.array(-0.1), r"field noise is array\(-0\.1\), should be one float64 from 0"),
+        ("furniture", np.array("table"), "field furniture is .*table.*, should be 64 hexadecimal digits"),
         (
             "snapshot/physics",
             np.full((7, 277), np.nan),

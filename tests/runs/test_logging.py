@@ -59,6 +59,13 @@ def test_a_missing_run_is_told_what_makes_it_or_which_of_its_subtasks_are_there(
     assert made_by(tmp_path / "nowhere") == ""
 
 
+def test_a_skill_that_a_chain_holds_is_told_where_it_lies(tmp_path):
+    held = run_path(tmp_path, "table_lack", "tstar", 3) / "last/skill2"
+    held.mkdir(parents=True)
+    missing = run_path(tmp_path, "table_lack", "tstar", 3, 2) / "last"
+    assert made_by(missing) == f": that skill of the chain is path={held}"
+
+
 def test_the_config_of_a_training_stays_and_that_of_an_evaluation_follows_the_newest(tmp_path):
     run = a_run(tmp_path)
     run.start()

@@ -4,7 +4,7 @@ import pytest
 import torch
 from saved_run import a_run, a_run_that_saved, contents
 
-from tstar_rl.checks import NothingToDo
+from tstar_rl.checks import MissingFileError, NothingToDo
 from tstar_rl.runs import checkpoint
 from tstar_rl.runs.mismatch import CheckpointMismatchError
 
@@ -32,6 +32,23 @@ def test_a_run_that_has_finished_begins_anew_only_if_it_is_told_to(tmp_path):
     run = a_run(tmp_path, resume=False)
     run.start(module=torch.nn.Linear(1, 1))
     assert not (run.work / "last").exists() and not (run.results / "evaluation.csv").exists()
+
+
+@pytest.mark.parametrize("saved", [False, True])
+def test_a_run_that_has_finished_with_tables_elsewhere_is_not_taken_for_done(saved, tmp_path):
+    """With a checkpoint and without: a second results_dir would stay empty, and seem to be this run's."""
+    run = a_run(tmp_path, training={"total_steps": 1})
+    run.start()
+    run.log(10)
+    if saved:
+        run.save_if_due(0)
+    (run.work / "last").mkdir()
+    run.finish()
+    elsewhere = {"results_dir": str(tmp_path / "others"), "training": {"total_steps": 1}}
+    with pytest.raises(
+        MissingFileError, match="has finished, and its tables are not in .*others.*results_dir"
+    ):
+        a_run(tmp_path, **elsewhere).start()
 
 
 def test_a_run_that_has_finished_and_has_a_checkpoint_is_not_gone_over_again(tmp_path):

@@ -164,7 +164,14 @@ def _in_words(error: Exception, configs: Path, name: str, check: Check) -> str:
 
 
 def _check_dashes() -> None:
-    """Ends the process where a value is given as other programs have it: --seed 0, --seed=0."""
+    """Ends the process where a value is given as other programs have it: --seed 0, --seed=0; also for Hydra's sweeps.
+
+    A sweep runs its jobs in one process, which ends with the first that has nothing to do or fails.
+    """
+    if sweep := {"-m", "--multirun"} & set(sys.argv[1:]):
+        raise SystemExit(
+            f"{sweep.pop()} is not for recipes, each of which runs once: loop in the shell\n{HINT}"
+        )
     unknown = [text for text in get_args_parser().parse_known_args()[1] if text.startswith("--")]
     if not unknown:
         return

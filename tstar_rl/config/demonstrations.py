@@ -62,8 +62,8 @@ def load_demonstrations(config: DictConfig, subtask: int | None) -> "Demonstrati
 
     They must have been made in the config's world: every setting of the environment is compared, but those of
     demonstrations.may_differ and the time limit. One that the file or the config does not name has its default. Of the
-    library's own, kind, number and noise are compared too, of a user's file the noise where it says it: a run's
-    config.yaml says what it learned from.
+    library's own, kind, number, noise and the piece of furniture are compared too, of a user's file the noise where it
+    says it: a run's config.yaml says what it learned from.
 
     Raises:
         MissingFileError: there is no file.
@@ -83,6 +83,7 @@ def load_demonstrations(config: DictConfig, subtask: int | None) -> "Demonstrati
         found = Demonstrations.load(path, config.task.name, subtask)
         hint = "give the same, or delete it to make it again"
         made = _otherwise_made(config, config.demonstrations.kind, found.kind, len(found), found.noise)
+        made += _other_furniture(config, found.furniture)
     else:
         path = Path(given) / f"{part_name(subtask)}.hdf5" if Path(given).is_dir() else Path(given)
         keys = config.demonstrations.observation_key, config.demonstrations.filter_key
@@ -114,7 +115,7 @@ def check_made(config: DictConfig, subtask: int | None, kind: str) -> None:
     Raises:
         MissingFileError: there is no file.
         DemonstrationError: it cannot be read, or it is of another task or subtask, other settings, another number of
-            episodes, or another noise. The noise is compared where a file says it.
+            episodes, another noise or another file of furniture. The last two are compared where a file says them.
         InvalidValueError: demonstrations.may_differ names what is no setting.
     """
     path = demonstrations_path(config, subtask, kind)
@@ -123,6 +124,7 @@ def check_made(config: DictConfig, subtask: int | None, kind: str) -> None:
     wrong = differences(found, {"task": config.task.name, "subtask": subtask})
     wrong += _other_settings(config, made.header["arguments"])
     wrong += _otherwise_made(config, kind, made.header["kind"], made.episodes, made.noise)
+    wrong += _other_furniture(config, made.furniture)
     if wrong:
         raise DemonstrationError(
             f"{path}: {'; '.join(wrong)}; delete it, or set resume=false, to make it again"
@@ -152,6 +154,18 @@ def _otherwise_noisy(config: DictConfig, kind: str, noise: float | None) -> list
     if kind != "noisy" or noise is None or noise == config.demonstrations.noise:
         return []
     return [f"it was made with a noise of {noise}, and demonstrations.noise is {config.demonstrations.noise}"]
+
+
+def _other_furniture(config: DictConfig, found: str | None) -> list[str]:
+    """What to say where a file says that the piece was another one then; `found`: its digest, None where it does not."""
+    from tstar_rl.env.task_tables import furniture_digest
+
+    if found in (None, furniture_digest(config.task.name)):
+        return []
+    return [
+        f"it was made with another {config.task.name}.yaml than there is now, and so were the skills, chains and "
+        "tables that came of it (resume=false makes each again)"
+    ]
 
 
 def _other_settings(config: DictConfig, arguments: Mapping[str, Any]) -> list[str]:

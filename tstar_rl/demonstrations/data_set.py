@@ -13,7 +13,7 @@ import torch
 from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 
-from tstar_rl.demonstrations.file_check import ARRAYS, NOISE, DemonstrationError, read
+from tstar_rl.demonstrations.file_check import ARRAYS, FURNITURE, NOISE, DemonstrationError, read
 from tstar_rl.demonstrations.header import FORMAT_VERSION, HEADER, KINDS
 from tstar_rl.runs.files import replacing, turn_to_write
 
@@ -37,6 +37,7 @@ class Demonstrations:
         success: (E,) bool, all True.
         snapshots: batch [S], the states before the actions; empty where an imported file has none.
         noise: deviation of the arm's executed actions; None where a file does not say.
+        furniture: the digest of the task's file of furniture then (`env.task_tables.furniture_digest`); None likewise.
     """
 
     task: str
@@ -51,6 +52,7 @@ class Demonstrations:
     success: Tensor
     snapshots: TensorDictBase
     noise: float | None = None
+    furniture: str | None = None
 
     def __len__(self) -> int:
         return len(self.lengths)
@@ -94,6 +96,8 @@ class Demonstrations:
             arrays["snapshot/" + (key if isinstance(key, str) else "/".join(key))] = value.numpy()
         if self.noise is not None:
             arrays[NOISE] = np.array(self.noise, np.float64)
+        if self.furniture is not None:
+            arrays[FURNITURE] = np.array(self.furniture)
         path = Path(path)
         with turn_to_write(path.parent), replacing(path) as partial, partial.open("wb") as file:
             np.savez_compressed(file, header=np.array(json.dumps(header)), **arrays)
@@ -125,4 +129,5 @@ class Demonstrations:
             **{name: torch.from_numpy(arrays[name]) for name in ARRAYS},
             snapshots=snapshots,
             noise=float(arrays[NOISE]) if NOISE in arrays else None,
+            furniture=str(arrays[FURNITURE]) if FURNITURE in arrays else None,
         )

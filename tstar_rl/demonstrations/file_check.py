@@ -1,6 +1,7 @@
 """Reads a file of demonstrations and checks every field of it; an error names file, field and what is valid."""
 
 import functools
+import re
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,6 +13,7 @@ from tstar_rl.demonstrations.header import FORMAT_VERSION, HEADER, KINDS, Demons
 __all__ = [
     "ARRAYS",
     "FORMAT_VERSION",
+    "FURNITURE",
     "HEADER",
     "KINDS",
     "NOISE",
@@ -34,16 +36,19 @@ ARRAYS: dict[str, tuple[str, int | None, np.dtype]] = {
 NOISE = "noise"
 """An array () of those files that say with which noise they were made. It is no part of the header, which has to be
 what any commit of the library can read: arms of one experiment are run with the code of several."""
+FURNITURE = "furniture"
+"""Likewise one of text, of those that say with which file of furniture: its digest."""
 END_OF_LIST = 22
 """Bytes at the end of a zip file without a comment; bytes 10 and 11 count its members."""
 
 
 class Made(NamedTuple):
-    """What a file says of how it was made: its header, the number of episodes, and the noise if it says so."""
+    """What a file says of how it was made: its header, the number of episodes, and noise and furniture where it does."""
 
     header: dict[str, Any]
     episodes: int
     noise: float | None
+    furniture: str | None
 
 
 def read(path: str | Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
@@ -57,6 +62,7 @@ def read(path: str | Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     header = read_header(path, arrays)
     sizes, width = _check_lengths(path, arrays), _width(path, header["task"])
     _noise(path, arrays)
+    _digest(path, arrays)
     for name in ARRAYS:
         _check_array(path, name, arrays[name], sizes, width)
     if not arrays["success"].all():
@@ -71,11 +77,11 @@ def read(path: str | Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
 
 def read_made(path: str | Path) -> Made:
     """How a file was made, without what is learned from; raises what `read` does."""
-    arrays = _arrays(path, ("header", "lengths", NOISE))
+    arrays = _arrays(path, ("header", "lengths", NOISE, FURNITURE))
     header = read_header(path, arrays)
     if "lengths" not in arrays:
         raise DemonstrationError(f"{path}: field lengths is missing")
-    return Made(header, arrays["lengths"].size, _noise(path, arrays))
+    return Made(header, arrays["lengths"].size, _noise(path, arrays), _digest(path, arrays))
 
 
 def _arrays(path: str | Path, only: tuple[str, ...] | None = None) -> dict[str, np.ndarray]:
@@ -139,6 +145,15 @@ def _noise(path: str | Path, arrays: dict[str, np.ndarray]) -> float | None:
     if found.shape or found.dtype != np.float64 or not np.isfinite(found) or found < 0:
         raise DemonstrationError(f"{path}: field {NOISE} is {found!r}, should be one float64 from 0")
     return float(found)
+
+
+def _digest(path: str | Path, arrays: dict[str, np.ndarray]) -> str | None:
+    if FURNITURE not in arrays:
+        return None
+    found = arrays[FURNITURE]
+    if found.shape or found.dtype.kind != "U" or not re.fullmatch("[0-9a-f]{64}", str(found)):
+        raise DemonstrationError(f"{path}: field {FURNITURE} is {found!r}, should be 64 hexadecimal digits")
+    return str(found)
 
 
 def _check_array(path: str | Path, name: str, array: np.ndarray, sizes: dict[str, int], wide: int) -> None:

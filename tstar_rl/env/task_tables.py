@@ -18,6 +18,7 @@ from tstar_rl.env.layout import observation_size
 __all__ = [
     "DEFAULT_SETTINGS",
     "check_task",
+    "furniture_digest",
     "observation_dim",
     "part_names",
     "subtask_geometry",
@@ -38,6 +39,11 @@ def check_task(name: str, subtasks: int, settings: Mapping[str, Any]) -> None:
 def observation_dim(task: str) -> int:
     """Numbers in an observation of a task."""
     return observation_size(len(library.load(task).parts))
+
+
+def furniture_digest(task: str) -> str:
+    """What tells a task's file of furniture from another one of that name; see `library.digest`."""
+    return library.digest(task)
 
 
 def part_names(task: str) -> tuple[str, ...]:

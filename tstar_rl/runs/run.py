@@ -15,7 +15,7 @@ from torch import Tensor
 from torchrl.checkpoint import GlobalRNGState
 from tqdm import tqdm
 
-from tstar_rl.checks import NothingToDo
+from tstar_rl.checks import MissingFileError, NothingToDo
 from tstar_rl.runs import checkpoint, lock
 from tstar_rl.runs.best_so_far import BestSoFar
 from tstar_rl.runs.csv_tables import LogError, MetricsLog
@@ -92,6 +92,7 @@ class Run:
 
         Raises:
             NothingToDo: if it has finished, and no more steps are asked for.
+            MissingFileError: if it has, and its tables are elsewhere.
             CheckpointMismatchError: when resuming a run that had another config, or where one of another has finished.
             DamagedCheckpointError: if the newest checkpoint is not as it was written. Nothing is touched then.
             LogError: if a table of the run has lost rows.
@@ -131,8 +132,17 @@ class Run:
         return self.env_steps
 
     def _stop_if_done(self, changed: Sequence[str] = ()) -> None:
-        """Raises NothingToDo if the run has finished, and what it has trained is there, unless it is to go on."""
+        """Raises NothingToDo if the run has finished, and what it has trained is there, unless it is to go on.
+
+        Raises:
+            MissingFileError: if it has, and its tables are not where this run would write them.
+        """
         if not changed and (self.work / FINISHED).is_file() and (self.work / "last").is_dir():
+            if not (self.results / "config.yaml").is_file():
+                raise MissingFileError(
+                    f"{self.work} has finished, and its tables are not in {self.results}: give the results_dir that it "
+                    "was trained with (resume=false starts over)"
+                )
             raise NothingToDo(f"{self.work} has finished: nothing to do (resume=false starts over)")
 
     def _check_same(self) -> None:

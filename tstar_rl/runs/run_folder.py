@@ -84,6 +84,9 @@ def made_by(path: str | Path) -> str:
             root, task = str(Path(*folders[:place])), folders[place]
             break
     part = "" if subtask is None else f" subtask={subtask}"
+    chained = run_path(root or ".", task, system, int(seed)) / f"last/skill{subtask}"
+    if chained.is_dir():
+        return f": that skill of the chain is path={chained}"
     there = sorted(run_path(root or ".", task, system, int(seed)).glob("subtask*"))
     if subtask is None and there:
         numbers = ", ".join(path.name.removeprefix("subtask") for path in there)

@@ -10,6 +10,7 @@ from chair_file import put
 
 from tstar_envs import furniture, geometry
 from tstar_envs.connection import align
+from tstar_envs.furniture import library
 from tstar_envs.furniture.library import DATA
 from tstar_envs.scene import build_model
 
@@ -24,6 +25,18 @@ def test_table_lack_is_the_reference_task():
     assert table.part("leg_1").boxes[0].size == (0.015, 0.015, 0.13125)
     assert (table.part("leg_3").density, table.part("table_top").density) == (100, 300)
     assert table.part_index("table_top") == 4
+
+
+def test_the_digest_of_a_piece_is_of_what_its_file_says_and_not_of_comments(tmp_path, monkeypatch):
+    text = (DATA / "table_lack.yaml").read_text()
+    before = library.digest("table_lack")
+    monkeypatch.setattr(library, "DATA", tmp_path)
+    file = tmp_path / "table_lack.yaml"
+    file.write_text(f"# a comment\n{text}")
+    assert library.digest("table_lack") == before
+    assert "density: 300" in text
+    file.write_text(text.replace("density: 300", "density: 301"))
+    assert library.digest("table_lack") != before
 
 
 def test_table_lack_connectors_and_grasps():
