@@ -157,7 +157,7 @@ def _otherwise_noisy(config: DictConfig, kind: str, noise: float | None) -> list
 
 
 def _other_furniture(config: DictConfig, found: str | None) -> list[str]:
-    """What to say where a file says that the piece was another one then; `found`: its digest, None where it does not."""
+    """What to say where a file says that the piece was another one then; `found`: its digest, if the file has it."""
     from tstar_rl.env.task_tables import furniture_digest
 
     if found in (None, furniture_digest(config.task.name)):

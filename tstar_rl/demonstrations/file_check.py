@@ -43,7 +43,7 @@ END_OF_LIST = 22
 
 
 class Made(NamedTuple):
-    """What a file says of how it was made: its header, the number of episodes, and noise and furniture where it does."""
+    """What a file says of how it was made: its header, number of episodes, and noise and furniture where it does."""
 
     header: dict[str, Any]
     episodes: int
