@@ -7,6 +7,7 @@
 The chain must have been evaluated: its settings, commit and figures are those beside its results.
 """
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from omegaconf import DictConfig
 from tstar_rl.chaining.chain import chain_folders
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.checks import MissingFileError
+from tstar_rl.config.check import ConfigError
 from tstar_rl.config.load import recipe
 from tstar_rl.config.recovery import refuse_recovery
 from tstar_rl.config.values import plain
@@ -34,6 +36,7 @@ SAME = ("task", "env", "networks")
 @recipe("ship", checkpoint=str, variant=str, says=str, signal=bool, into=str)
 def main(config: DictConfig) -> None:
     """Writes the file and says how large it is."""
+    _check_variant(config)
     skills = [
         Skill.load(folder, task=config.task.name, subtask=i) for i, folder in enumerate(_folders(config))
     ]
@@ -48,6 +51,15 @@ def main(config: DictConfig) -> None:
     size = sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
     print(f"{path}: {len(skills)} skills, {size / 1000:.0f} kB")
     print(pd.DataFrame(figures).T.round(3).to_string())
+
+
+def _check_variant(config: DictConfig) -> None:
+    """Refuses a name under which no chain is found, as that of a system in folders is."""
+    if not re.fullmatch(r"\w[\w.-]*", config.variant):
+        raise ConfigError(
+            f"variant must be one word, of letters, digits, _, - and ., got {config.variant!r}: chains are found at "
+            "<task>/<variant>; give variant=<word> (it is the system's name where none is given)"
+        )
 
 
 def _folders(config: DictConfig) -> list[Path]:

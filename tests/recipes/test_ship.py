@@ -95,6 +95,24 @@ def test_another_chain_than_that_of_the_results_is_refused(trained, say, values,
     assert re.search(message, say("ship", *values))
 
 
+@pytest.mark.parametrize("variant", ["ablations/starts/buffer", "..", "", "two words"])
+def test_a_name_under_which_no_chain_is_found_is_refused(trained, say, variant):
+    """Not that of the system: one that lies in folders is shipped under a name of one word."""
+    said = f"variant must be one word, of letters, digits, _, - and ., got {variant!r}: chains are found at "
+    assert said in say("ship", "scale=narrow", "seed=4", f"variant='{variant}'")
+    assert not Path("runs/shipped").exists()
+
+
+def test_a_system_in_folders_is_shipped_under_one_word(trained, call, say):
+    for root in (Path("runs/table_lack"), Path("results/table_lack")):
+        (root / "ablations/starts").mkdir(parents=True)
+        (root / "tstar").rename(root / "ablations/starts/buffer")
+    values = ["system=ablations/starts/buffer", "scale=narrow", "seed=4"]
+    assert "variant must be one word" in say("ship", *values)
+    call("ship", *values, "variant=buffer")
+    assert pretrained(folder="runs/shipped") == {"table_lack": ["buffer"]}
+
+
 def test_a_chain_that_was_not_evaluated_is_refused(trained, say):
     (trained / "evaluation.csv").unlink()
     said = "no evaluation of last at .*evaluation.csv: python recipes/evaluate.py system=tstar seed=4"
