@@ -136,7 +136,6 @@ MISTAKES = [
     ("feasibility", ["hard_starts=0.5", "collection.backend=ray"], "hard_starts needs collection.backend=local"),
     ("in_order", ["chain.gate=true", "chain.rounds=2"], "got chain.gate=True, chain.rounds=2; or"),
     ("in_order", ["chain.order=backward"], "chain.order forward, got chain.order=backward; or set demonstrated_ends=0"),
-    ("in_order_cloned", ["normalizer.running=true"], "normalizer.running must be false for what demonstrated_ends"),
     ("in_order_cloned", ["chain.order=costliest"], "in the one turn of a skill, .* got chain.order=costliest"),
     ("gail_ppo", ["subtask=0", "collection.backend=ray", "collection.workers=3"],
      "num_envs must be a multiple of collection.workers, got 256 simulations for 3"),

@@ -1,6 +1,7 @@
 """What a turn learns with: updates that go on from turn to turn, the seams of its skill, and signals."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any, TypeVar
 
@@ -156,7 +157,8 @@ class TurnUpdates(Training):
 
         They are made now, and stand in the place of as many of the skill's own; the normaliser is fitted to both. Where
         the skill has ended so far is forgotten: its old clone was there, and the next skill is to begin where this one
-        ends. Nothing happens before the first skill, with a share of 0, or while the skill before has not succeeded.
+        ends. Nothing is cloned before the first skill, with a share of 0, or while the skill before has not succeeded.
+        The normaliser does not run on in this turn (normalizer.running): it would change a clone that nothing trains.
 
         Args:
             share: in [0, 1], of the episodes.
@@ -171,6 +173,7 @@ class TurnUpdates(Training):
         """
         if not 0.0 <= share <= 1.0:
             raise InvalidValueError(f"the share of demonstrations from ends must be in [0, 1], got {share}")
+        self.settings = replace(self.settings, running_normalizer=False)
         if not share:
             return
         self._check_that_it_is_the_only_turn()

@@ -146,11 +146,6 @@ def _check_chain(values: Mapping[str, Any], name: str) -> None:
             f"skills must be clones, bc or bc_<...>, got {values['skills']}: what demonstrated_ends makes anew is "
             "cloned over a skill, and the normaliser of its networks is fitted again; or set demonstrated_ends=0"
         )
-    if values.get("demonstrated_ends") and values["normalizer"]["running"]:
-        raise ConfigError(
-            "normalizer.running must be false for what demonstrated_ends makes anew: a clone's inputs are scaled as "
-            "they were when it was fitted; or set demonstrated_ends=0"
-        )
     again = {"gate": chain["gate"], "rounds": chain["rounds"] > 1, "order": chain["order"] != "forward"}
     if values.get("demonstrated_ends") and any(again.values()):
         said = ", ".join(f"chain.{key}={chain[key]}" for key in again if again[key])
