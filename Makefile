@@ -26,7 +26,7 @@ setup: $(READY)
 
 $(READY): pyproject.toml
 	@test -n "$(PYTHON)" || { echo "no Python from 3.11 to 3.13 found; say where: make PYTHON=/path/to/python3.11 ..."; exit 1; }
-	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv $(VENV)  # one that broke off has no pip
 	$(BIN)/python -m pip install -q -e '.[dev]'
 	touch $@
 

@@ -32,7 +32,7 @@ def main(readme: Path, repository: Path) -> None:
     if not blocks:
         raise SystemExit(f"{readme} has no Python lines to run")
     with tempfile.TemporaryDirectory() as folder:
-        found = run(FROM, folder).stdout.split()
+        found = run(FROM, folder).stdout.splitlines()
         if any(
             Path(file).resolve().is_relative_to(repository.resolve() / room)
             for file in found

@@ -148,9 +148,12 @@ def make_renderer(
 
 def choose(graphics: str) -> None:
     """Makes MuJoCo take `graphics`: it reads MUJOCO_GL when it is imported, which may have been long ago."""
-    if os.environ.get("MUJOCO_GL") != graphics:
-        os.environ["MUJOCO_GL"] = os.environ["PYOPENGL_PLATFORM"] = graphics
-        importlib.reload(importlib.import_module("mujoco.rendering.classic.gl_context"))
+    os.environ["MUJOCO_GL"] = os.environ["PYOPENGL_PLATFORM"] = graphics
+    context = importlib.import_module("mujoco.rendering.classic.gl_context")
+    if not context.GLContext.__module__.startswith(
+        f"mujoco.{graphics}"
+    ):  # a user may have set the variable since
+        importlib.reload(context)
 
 
 def _took(act: Callable[..., Any], *arguments: Any) -> bool:

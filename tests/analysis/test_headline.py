@@ -78,7 +78,14 @@ def test_the_page_draws_it_into_one_file(published, tmp_path):
         ({"task": "chair"}, "no rows of buffer, tstar"),
         ({"arms": {"mine": "mine"}}, "no rows of mine; there are buffer, tstar"),
         ({"differences": {"one": ["tstar", "mine"]}}, "have no seed in common"),
-        ({"beside": {"odd": ["tstar"]}}, "headline: tstar of .*odd must be an arm of it and of no other"),
+        (
+            {"beside": {"even": ["later"]}, "differences": {"one": ["later", "tstar"]}},
+            "'one' is of later and tstar, arms of two experiments",
+        ),
+        (
+            {"beside": {"odd": ["tstar"]}, "differences": {}},
+            "headline: tstar of .*odd must be an arm of it and of no other",
+        ),
         ({"beside": {"odd": ["mine"]}}, "headline: mine of .*odd must be an arm of it and of no other"),
     ],
 )

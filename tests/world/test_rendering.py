@@ -1,5 +1,6 @@
 """Pictures of states, where this machine can draw."""
 
+import os
 import subprocess
 import sys
 
@@ -71,6 +72,22 @@ def test_files_are_written(tmp_path, model, renderer):
     assert film.shape == (5, *image.shape)
     for index, frame in enumerate(film):  # compressed, but each is nearest to the picture that it shows
         assert np.argmin([abs(frame - drawn).mean() for drawn in frames]) == index
+
+
+def test_a_backend_that_is_asked_for_after_mujoco_was_imported_draws(renderer):
+    """As in a notebook: MuJoCo has read MUJOCO_GL long before."""
+    script = (
+        "import os, mujoco; from tstar_envs import rendering\n"
+        f"os.environ['MUJOCO_GL'] = {rendering.backend()!r}\n"
+        "seen = '<mujoco><worldbody><camera name=\"workplace\"/></worldbody></mujoco>'\n"
+        "model = mujoco.MjModel.from_xml_string(seen)\n"
+        "print(rendering.make_renderer(model, 16, 16).draw([]).shape)"
+    )
+    environment = {
+        key: value for key, value in os.environ.items() if key not in ("MUJOCO_GL", "PYOPENGL_PLATFORM")
+    }
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, env=environment)
+    assert done.stdout.strip() == "(16, 16, 3)", done.stderr
 
 
 @pytest.mark.parametrize(

@@ -75,7 +75,8 @@ def one_sided_states(observations: Tensor) -> Tensor:
 def strongest_input(observations: Tensor, outcomes: Tensor, names: Sequence[str]) -> tuple[str, float]:
     """The one number that alone tells outcomes best, and its area under the curve: below .5, less of it succeeds.
 
-    The numbers are those of `one_sided_states`.
+    The numbers are those of `one_sided_states`. The area is the largest of some sixty, of the states that chose it: by
+    chance alone, with 20 failures and 80 successes, it is some .65 to .7.
 
     Args:
         observations, outcomes: see `what_decides`, which has no say in this.

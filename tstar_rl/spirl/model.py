@@ -62,7 +62,10 @@ def _split_gaussian(x: Tensor) -> tuple[Tensor, Tensor]:
 
 
 class LatentPosterior(nn.Module):
-    """q(z | a_0 .. a_H-1): a recurrent network over the actions."""
+    """q(z | a_0 .. a_H-1): a recurrent network over the actions.
+
+    The released closed-loop model also reads the states: docs/decisions/0009-spirl.md.
+    """
 
     def __init__(self, settings: LatentModelSettings) -> None:
         super().__init__()
@@ -96,7 +99,7 @@ class OpenLoopDecoder(nn.Module):
 
 
 class ClosedLoopDecoder(nn.Module):
-    """Decodes z and the current state into one action. Source: the code released with SPiRL."""
+    """Decodes z and the current state into one action. Source: the code of SPiRL, whose posterior differs."""
 
     def __init__(self, settings: LatentModelSettings, state: StateInput) -> None:
         super().__init__()

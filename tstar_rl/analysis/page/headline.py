@@ -34,8 +34,13 @@ class Headline:
         """Of the last checkpoints; see `headline_figure`.
 
         Raises:
-            ValueError: for an arm that two of the experiments have, or that the one that is said to have it lacks.
+            ValueError: for an arm that two experiments have, or that the one that is said to have it lacks; for a
+                difference of arms of two experiments.
         """
+        whose = {arm: folder for folder, arms in self.beside.items() for arm in arms}
+        for words, (one, other) in self.differences.items():
+            if whose.get(one) != whose.get(other):
+                raise ValueError(f"headline: {words!r} is of {one} and {other}, arms of two experiments")
         rows = read_experiment(self.folder).chosen(self.task)
         for folder, arms in self.beside.items():
             others = read_experiment(folder).chosen(self.task)
