@@ -27,6 +27,7 @@ from tstar_rl.config.ranges import chain_length
 from tstar_rl.config.values import plain
 from tstar_rl.launch.backends import launcher
 from tstar_rl.launch.bonus import mean_bonus
+from tstar_rl.launch.overrides import known_to
 from tstar_rl.launch.side_by_side import Step, run_side_by_side
 from tstar_rl.launch.steps import chosen_scale, is_done, missing, passed_on, step_config
 from tstar_rl.rollouts.starts import check_shares
@@ -80,7 +81,7 @@ def _place(config: DictConfig, system: str) -> Path:
 
 def _check(run: Variant, shared: list[str]) -> None:
     """Composes a variant's configs before anything is run, and compares a finished one with its own."""
-    chain_length(step_config(("evaluate", *run.overrides), shared))
+    chain_length(step_config(("evaluate", *_of_evaluation(run, shared)), shared))
     if run.trains:
         step = (run.system, *_values(run))
         check_shares(plain(step_config(step, shared).chain.starts))
@@ -89,6 +90,11 @@ def _check(run: Variant, shared: list[str]) -> None:
 
 def _values(run: Variant) -> list[str]:
     return [f"system={run.place}", f"skills={SKILLS}", *run.overrides]
+
+
+def _of_evaluation(run: Variant, shared: list[str]) -> tuple[str, ...]:
+    """A variant's overrides without those that are a recipe's own: an evaluation has no such values."""
+    return known_to(plain(step_config(("evaluate",), shared)), run.overrides)
 
 
 def _skill_lanes(config: DictConfig, shared: list[str]) -> list[list[Step]]:
@@ -111,7 +117,8 @@ def _lane(config: DictConfig, run: Variant, shared: list[str]) -> list[Step]:
             metrics = _place(config, source.first().place) / "metrics.csv"
             training = (*training, f"bonus={mean_bonus(metrics)}")
         lane.append(training)
-    return [*lane, *missing([("evaluate", *_values(run), *EVALUATION)], shared)]
+    values = (f"system={run.place}", f"skills={SKILLS}", *_of_evaluation(run, shared))
+    return [*lane, *missing([("evaluate", *values, *EVALUATION)], shared)]
 
 
 def _share(config: DictConfig, variant: Variant) -> None:

@@ -10,8 +10,9 @@ from hydra.errors import MissingConfigException
 from tstar_rl.analysis import ablation_figure, ablation_finding, ablation_table, load_ablation, variants
 from tstar_rl.analysis.variants import SKILLS
 from tstar_rl.config.ranges import chain_length
-from tstar_rl.config.values import CONFIGS
+from tstar_rl.config.values import CONFIGS, plain
 from tstar_rl.launch import side_by_side
+from tstar_rl.launch.overrides import known_to
 from tstar_rl.rollouts.starts import check_shares
 
 VARIANTS = [variant for name in variants.names() for variant in variants.read(name).variants]
@@ -22,11 +23,17 @@ TWO = {"reference": "a", "variants": [{"name": "a", "system": "tstar"}, {"name":
 def test_every_variant_is_a_config_of_training_and_of_evaluation(variant):
     values = ["scale=ablation", f"system={variant.place}", f"skills={SKILLS}", *variant.overrides]
     with initialize_config_dir(str(CONFIGS), version_base="1.3"):
-        assert 2 <= chain_length(compose("recipe/evaluate", values)) <= 4
+        own = known_to(plain(compose("recipe/evaluate")), variant.overrides)
+        assert 2 <= chain_length(compose("recipe/evaluate", [*values[:3], *own])) <= 4
         if variant.trains:
             config = compose(f"recipe/{variant.system}", values)
             check_shares(config.chain.starts)
             assert config.skills == SKILLS
+
+
+def test_an_evaluation_gets_the_values_that_it_has_and_not_a_recipes_own():
+    given = ("chain.rounds=2", "+env.snap=true", "sigma=0.1", "++alpha=2", "~bonus")
+    assert known_to({"chain": {}, "env": {}, "seed": 0}, given) == given[:2]
 
 
 def test_the_same_run_is_made_once():

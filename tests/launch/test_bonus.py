@@ -23,6 +23,17 @@ def test_the_mean_bonus_is_over_successes(tmp_path):
     assert mean_bonus(tmp_path / "metrics.csv") == 0.0
 
 
+def test_a_bonus_of_an_arm_with_a_term_of_its_own_is_refused(tmp_path):
+    file = tmp_path / "metrics.csv"
+    pd.DataFrame({"reward_env": [1.0], "reward_gail": [0.5], "reward": [1.0]}).to_csv(file)
+    assert mean_bonus(file) == 0.0  # no success was paid by any next skill
+    pd.DataFrame({"reward_env": [1.0], "reward_proximity": [0.5], "reward": [1.0]}).to_csv(file)
+    with pytest.raises(
+        ValueError, match="bonus_of is of an arm that pays the term tsr.*this one pays reward_proxim"
+    ):
+        mean_bonus(file)
+
+
 def test_a_mean_bonus_is_what_the_rollouts_paid(make_env, policy, tmp_path):
     torch.manual_seed(0)
     env, log, paid = with_starts(make_env(num_envs=6)), MetricsLog(tmp_path / "metrics.csv"), []

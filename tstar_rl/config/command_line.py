@@ -13,7 +13,7 @@ import os
 import re
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ import hydra
 import yaml
 from hydra import compose, initialize_config_dir
 from hydra._internal.utils import get_args_parser
+from hydra.core.global_hydra import GlobalHydra
 from hydra.errors import CompactHydraException, HydraException, MissingConfigException, OverrideParseException
 from omegaconf import DictConfig, OmegaConf, open_dict
 from omegaconf.errors import OmegaConfBaseException
@@ -225,8 +226,11 @@ def _unknown_key(key: str, configs: Path, name: str, check: Check) -> str:
     if hint := did_you_mean(key, groups, cutoff=0.75):
         return f"the config of {name} has no {key}{hint}"
     try:
-        with initialize_config_dir(str(configs), version_base="1.3"):
+        begun = GlobalHydra.instance().is_initialized()  # by a recipe that composes the config of a step
+        with nullcontext() if begun else initialize_config_dir(str(configs), version_base="1.3"):
             config = compose(f"recipe/{name}")
+        section, _, last = key.rpartition(".")
+        there = OmegaConf.select(config, section) if section else config
         with open_dict(config):
             OmegaConf.update(config, key, _given(key), force_add=True)
         check(config)
@@ -234,7 +238,8 @@ def _unknown_key(key: str, configs: Path, name: str, check: Check) -> str:
         return f"{error} (of the recipe {name})"
     except (OmegaConfBaseException, TypeError) as error:  # the key goes through something that is no section
         return f"the config of {name} has no {key}: {' '.join(str(error).split())}"
-    return f"{key} is valid, but not set in the configs of {name}: write +{key}=..."
+    hint = did_you_mean(last, there) if isinstance(there, DictConfig) else ""
+    return f"{key} is valid, but not set in the configs of {name}: write +{key}=...{hint}"
 
 
 def _given(key: str) -> Any:

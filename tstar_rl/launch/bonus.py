@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from tstar_rl.checks import MissingFileError
+from tstar_rl.checks import InvalidValueError, MissingFileError
 from tstar_rl.launch.side_by_side import Step
 from tstar_rl.runs.csv_tables import read_table
 from tstar_rl.runs.run_folder import FINISHED, made_by, run_path
@@ -11,6 +11,8 @@ __all__ = ["BONUS", "mean_bonus", "with_bonus", "without_bonus"]
 
 BONUS = "bonus_of="
 """Stands in a step's values for a bonus that is known once another arm has been trained."""
+OF_EVERY_SKILL = ("reward_env", "reward_gail")
+"""Columns of a run whose next skill pays nothing."""
 
 
 def without_bonus(step: Step) -> Step:
@@ -69,12 +71,18 @@ def mean_bonus(metrics: str | Path) -> float:
 
     Raises:
         MissingFileError: if the run has not begun, with the recipe that it is of.
+        InvalidValueError: if the run paid no term tsr, and one that is not of the paper.
         LogError: if the table is cut off.
     """
     if not Path(metrics).is_file():
         raise MissingFileError(f"no {metrics}{made_by(metrics)}")
     table = read_table(metrics)
     if "tsr_on_success" not in table:
+        if own := [name for name in table if name.startswith("reward_") and name not in OF_EVERY_SKILL]:
+            raise InvalidValueError(
+                f"{metrics}: bonus_of is of an arm that pays the term tsr, which TerminalStateReward and what derives "
+                f"from it write; this one pays {', '.join(own)}"
+            )
         return 0.0
     paid = table.dropna(subset=["tsr_on_success"])
     successes = paid["episodes"] * paid["success_rate"]

@@ -10,6 +10,8 @@ from torch import Tensor
 from torchrl.data import Composite, TensorSpec, Unbounded
 from torchrl.envs import Transform
 
+from tstar_rl.checks import InvalidValueError
+
 
 class RewardTransform(Transform):
     """Writes ("next", out_key) from (s, s') alone, in an environment, as a postproc or in a replay buffer.
@@ -30,7 +32,7 @@ class RewardTransform(Transform):
 
     @torch.no_grad()
     def _step(self, tensordict: TensorDictBase, next_tensordict: TensorDictBase) -> TensorDictBase:
-        next_tensordict.set(self.out_keys[0], self.reward(tensordict, next_tensordict))
+        next_tensordict.set(self.out_keys[0], self._checked(tensordict, next_tensordict))
         return next_tensordict
 
     @torch.no_grad()
@@ -39,14 +41,29 @@ class RewardTransform(Transform):
 
         Raises:
             KeyError: if there is no "next" in the batch.
+            InvalidValueError: if the reward has another shape, or is not finite; likewise in an environment.
         """
         following = tensordict.get("next", None)
         if following is None:
             raise KeyError(
                 f"{type(self).__name__} needs steps, with the state reached under 'next'; got only {_names(tensordict)}"
             )
-        following.set(self.out_keys[0], self.reward(tensordict, following))
+        following.set(self.out_keys[0], self._checked(tensordict, following))
         return tensordict
+
+    def _checked(self, current: TensorDictBase, following: TensorDictBase) -> Tensor:
+        """What `reward` says, which would otherwise ruin a policy without a word."""
+        said, wanted = self.reward(current, following), (*following.batch_size, 1)
+        if said.shape != wanted:
+            raise InvalidValueError(
+                f"{type(self).__name__} must give {self.out_keys[0]} of shape {wanted}, got {tuple(said.shape)}"
+            )
+        if not bool(said.isfinite().all()):
+            raise InvalidValueError(
+                f"{type(self).__name__} must give finite numbers, got {int((~said.isfinite()).sum())} of "
+                f"{said.numel()} in {self.out_keys[0]} that are not"
+            )
+        return said
 
     def transform_reward_spec(self, reward_spec: TensorSpec) -> TensorSpec:
         """Adds the reward, (*batch, 1) and unbounded."""
