@@ -78,7 +78,8 @@ def mean_bonus(metrics: str | Path) -> float:
         raise MissingFileError(f"no {metrics}{made_by(metrics)}")
     table = read_table(metrics)
     if "tsr_on_success" not in table:
-        if own := [name for name in table if name.startswith("reward_") and name not in OF_EVERY_SKILL]:
+        columns = [str(name) for name in table.columns]
+        if own := [name for name in columns if name.startswith("reward_") and name not in OF_EVERY_SKILL]:
             raise InvalidValueError(
                 f"{metrics}: bonus_of is of an arm that pays the term tsr, which TerminalStateReward and what derives "
                 f"from it write; this one pays {', '.join(own)}"
