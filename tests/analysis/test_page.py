@@ -62,6 +62,9 @@ QUOTED = [
     "further_training: own_starts - no_finetuning", "further_training: buffer - own_starts",
     "further_training: buffer - buffer_no_gate", "further_training: tstar_no_gate - gaussian_no_gate",
     "further_training: tstar_no_gate - buffer_bonus_no_gate", "further_training: tstar_no_gate - buffer_no_gate",
+    "further_training: gaussian_bonus_no_gate - gaussian_no_gate",
+    "further_training: gaussian_tsr_no_gate - gaussian_bonus_no_gate",
+    "further_training: tstar_paper_schedule_no_gate - tstar_no_gate",
     "in_order_cloned - in_order_demonstrated",
 ]  # fmt: skip
 """The arms of each difference with an interval in the notes, in their order; the last one is the README's own.
