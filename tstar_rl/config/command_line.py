@@ -231,6 +231,7 @@ def _unknown_key(key: str, configs: Path, name: str, check: Check) -> str:
             config = compose(f"recipe/{name}")
         section, _, last = key.rpartition(".")
         there = OmegaConf.select(config, section) if section else config
+        near = did_you_mean(last, [*there]) if isinstance(there, DictConfig) else ""
         with open_dict(config):
             OmegaConf.update(config, key, _given(key), force_add=True)
         check(config)
@@ -238,8 +239,7 @@ def _unknown_key(key: str, configs: Path, name: str, check: Check) -> str:
         return f"{error} (of the recipe {name})"
     except (OmegaConfBaseException, TypeError) as error:  # the key goes through something that is no section
         return f"the config of {name} has no {key}: {' '.join(str(error).split())}"
-    hint = did_you_mean(last, there) if isinstance(there, DictConfig) else ""
-    return f"{key} is valid, but not set in the configs of {name}: write +{key}=...{hint}"
+    return f"{key} is valid, but not set in the configs of {name}: write +{key}=...{near}"
 
 
 def _given(key: str) -> Any:

@@ -58,7 +58,7 @@ class RewardTransform(Transform):
             raise InvalidValueError(
                 f"{type(self).__name__} must give {self.out_keys[0]} of shape {wanted}, got {tuple(said.shape)}"
             )
-        if not bool(said.isfinite().all()):
+        if not said.is_meta and not bool(said.isfinite().all()):
             raise InvalidValueError(
                 f"{type(self).__name__} must give finite numbers, got {int((~said.isfinite()).sum())} of "
                 f"{said.numel()} in {self.out_keys[0]} that are not"
