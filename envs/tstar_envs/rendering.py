@@ -150,9 +150,8 @@ def choose(graphics: str) -> None:
     """Makes MuJoCo take `graphics`: it reads MUJOCO_GL when it is imported, which may have been long ago."""
     os.environ["MUJOCO_GL"] = os.environ["PYOPENGL_PLATFORM"] = graphics
     context = importlib.import_module("mujoco.rendering.classic.gl_context")
-    if not context.GLContext.__module__.startswith(
-        f"mujoco.{graphics}"
-    ):  # a user may have set the variable since
+    loaded = context.GLContext.__module__  # a user may have set the variable since
+    if not loaded.startswith(f"mujoco.{graphics}"):
         importlib.reload(context)
 
 

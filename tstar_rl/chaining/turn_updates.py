@@ -91,10 +91,11 @@ class TurnUpdates(Training):
 
     def once_learned(self, name: str, skill: Skill) -> OnceLearned:
         """A skill's network as what pays: it says 0 of every state until this turn, or a kept one, has trained it."""
-        place = f"{skill.subtask}/{name}"
-        return OnceLearned(
-            skill.network(name), lambda: place in self.chain.learned or place in self.learned_here()
-        )
+        return OnceLearned(skill.network(name), lambda: self.has_learned(name, skill))
+
+    def has_learned(self, name: str, skill: Skill) -> bool:
+        """Whether this turn, or one before that was kept, has trained a skill's network, with data."""
+        return f"{skill.subtask}/{name}" in self.chain.learned | self.learned_here()
 
     def learned_here(self) -> set[str]:
         """The networks of scores that this turn has trained, with data, as in `ChainTraining.learned`."""
@@ -107,9 +108,7 @@ class TurnUpdates(Training):
             InvalidValueError: the critic alone would learn in all turns of a skill.
         """
         settings = self.chain.settings
-        once = (
-            not settings.carry_over or settings.order == "costliest"
-        )  # each begins anew, or there may be no other
+        once = not settings.carry_over or settings.order == "costliest"  # begins anew, or may be the only one
         turns = 1 if once else settings.rounds
         rollouts = turns * self.chain.rollouts
         if rollouts <= (warm_up := self.settings.ppo.critic_warmup):

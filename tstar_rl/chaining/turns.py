@@ -82,7 +82,7 @@ class Turn(TurnUpdates):
             found |= columns
             if curve is not None:
                 self.run.log_calibration(self.steps, self.index, name, curve)
-        if f"{self.following.subtask}/d_omega" not in self.chain.learned | self.learned_here():
+        if not self.has_learned("d_omega", self.following):
             return found
         with torch.no_grad():
             scores = self.following.d_omega(handed.starts).squeeze(-1)
