@@ -29,8 +29,7 @@ from tstar_rl.launch.backends import launcher
 from tstar_rl.launch.bonus import mean_bonus
 from tstar_rl.launch.overrides import known_to
 from tstar_rl.launch.side_by_side import Step, run_side_by_side
-from tstar_rl.launch.steps import chosen_scale, is_done, missing, passed_on, step_config
-from tstar_rl.rollouts.starts import check_shares
+from tstar_rl.launch.steps import check_step, chosen_scale, is_done, missing, passed_on, step_config
 from tstar_rl.runs.files import replacing
 from tstar_rl.runs.run_folder import run_path
 
@@ -80,11 +79,11 @@ def _place(config: DictConfig, system: str) -> Path:
 
 
 def _check(run: Variant, shared: list[str]) -> None:
-    """Composes a variant's configs before anything is run, and compares a finished one with its own."""
+    """Checks a variant's values before anything is run, and compares a finished one with its own."""
     chain_length(step_config(("evaluate", *_of_evaluation(run, shared)), shared))
     if run.trains:
         step = (run.system, *_values(run))
-        check_shares(plain(step_config(step, shared).chain.starts))
+        check_step(step, shared)
         is_done(step, shared, UNKNOWN)
 
 

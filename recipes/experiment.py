@@ -32,7 +32,7 @@ from tstar_rl.launch.experiment import DeclaredExperiment
 from tstar_rl.launch.experiment_values import parse_experiment
 from tstar_rl.launch.published import publish
 from tstar_rl.launch.side_by_side import Step, run_side_by_side
-from tstar_rl.launch.steps import is_done, passed_on, step_config
+from tstar_rl.launch.steps import check_step, is_done, passed_on, step_config
 from tstar_rl.launch.time_limit import MORE, TimeIsOver, check_goes_on, deadline, run_until
 
 OWN = ("experiment", "processes", "minutes", "publish", "unpublished", "seeds", "tasks", "arms")
@@ -108,7 +108,10 @@ def _check(lanes: list[list[Planned]], code: dict[str, Path]) -> None:
         for commit, step in reversed(list(itertools.chain(*lanes)))
     }
     for commit, step in kinds.values():
-        with nullcontext() if commit is None else configs_of(code[commit]):
+        if commit is None:
+            check_step(without_bonus(step))
+            continue
+        with configs_of(code[commit]):  # whose recipes check more than that there are such values
             step_config(without_bonus(step))
 
 

@@ -127,13 +127,29 @@ def test_what_every_lane_would_stumble_over_is_told_before_the_first_step(queue,
         queue(*values, takes=lambda step: pytest.fail(f"ran {step}"))
 
 
-def test_a_mistake_is_told_before_the_first_step_whichever_lane_it_is_in(queue, monkeypatch):
+@pytest.mark.parametrize(
+    ("arm", "message"),
+    [
+        (("tstar", "nonsense=1"), "the config has no nonsense"),
+        (
+            ("tstar", "chain.rounds=two"),
+            "tstar seed=2 chain.rounds=two: chain.rounds must be a whole number, got",
+        ),
+        (("feasibility", "label=much"), "feasibility seed=2 label=much: label must be success or share"),
+        (
+            ("ppo", "reward.weights.gail=1"),
+            "ppo seed=2 reward.weights.gail=1: reward.weights.gail must be 0 for ppo",
+        ),
+    ],
+)
+def test_a_mistake_is_told_before_the_first_step_whichever_lane_it_is_in(queue, monkeypatch, arm, message):
     """With unpublished=true the first lanes can be empty, or have some arms alone."""
     import experiment
 
-    lanes = [[], [(None, ("tstar", "seed=1")), (None, ("tstar", "seed=2", "nonsense=1"))]]
+    name, value = arm
+    lanes = [[], [(None, ("tstar", "seed=1")), (None, (name, "seed=2", value))]]
     monkeypatch.setattr(experiment, "_lanes", lambda *_: lanes)
-    with pytest.raises(SystemExit, match="the config has no nonsense"):
+    with pytest.raises(SystemExit, match=message):
         queue(takes=lambda step: pytest.fail(f"ran {step}"))
 
 
@@ -141,7 +157,7 @@ def test_steps_that_differ_in_their_seed_are_looked_at_once(queue, monkeypatch):
     import experiment
 
     looked = []
-    monkeypatch.setattr(experiment, "step_config", lambda step: looked.append(step))
+    monkeypatch.setattr(experiment, "check_step", lambda step: looked.append(step))
     lanes = [
         [(None, (name, f"seed={seed}", "subtask=0")) for name in ("gail_ppo", "ppo")] for seed in range(3)
     ]

@@ -7,6 +7,7 @@ second and not five.
 import functools
 import gc
 import logging
+import runpy
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -23,6 +24,7 @@ from tstar_rl.config.ranges import check_machine, check_ranges_of, find
 from tstar_rl.config.schema import SECTIONS, Config
 from tstar_rl.config.unread import ONE_POLICY, check_what_is_not_read
 from tstar_rl.config.values import CONFIGS, plain
+from tstar_rl.runs.run_folder import RECIPES
 
 __all__ = ["ONE_POLICY", "check_config", "recipe"]
 
@@ -60,6 +62,13 @@ def recipe(name: str, **own: Any) -> Callable[[Callable[[DictConfig], None]], Ca
         return command_line(body, CONFIGS, name, partial(check_config, name=name))
 
     return decorate
+
+
+def own_keys(name: str) -> dict[str, Any]:
+    """The keys that only the recipe `name` has, and their types; where it is not what runs here, its file is read."""
+    if name not in OWN_KEYS:
+        runpy.run_path(str(RECIPES / f"{name}.py"))
+    return OWN_KEYS[name]
 
 
 def check_name(recipe: Path, name: str) -> None:
@@ -113,7 +122,7 @@ def check_config(config: DictConfig, name: str) -> None:
             unknown task, a wrong number of subtasks, and unknown settings of the task or values of them.
     """
     values = plain(config)
-    check(values, Config, "", OWN_KEYS[name])
+    check(values, Config, "", own_keys(name))
     check_ranges_of(values)
     check_what_is_not_read(values, name)
     if "torchrl" not in sys.modules:

@@ -14,8 +14,10 @@ from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
 from tstar_rl.checks import InvalidValueError
+from tstar_rl.config.check import ConfigError
 from tstar_rl.config.demonstrations import check_made, demonstrated, demonstrations_path
 from tstar_rl.config.load import ONE_POLICY
+from tstar_rl.config.load import check_config as check_values
 from tstar_rl.config.ranges import chain_length
 from tstar_rl.config.values import plain
 from tstar_rl.launch.side_by_side import Step
@@ -35,6 +37,7 @@ from tstar_rl.runs.run_folder import FINISHED, is_untrained, run_path
 __all__ = [
     "check_chain",
     "check_evaluation",
+    "check_step",
     "chosen_scale",
     "ended_since",
     "evaluated_runs",
@@ -81,6 +84,23 @@ def step_config(step: Step, shared: Sequence[str] = ()) -> DictConfig:
     """
     name, *values = step
     return compose(f"recipe/{name}", [*shared, *values])
+
+
+def check_step(step: Step, shared: Sequence[str] = ()) -> None:
+    """Refuses now what a step's recipe would refuse of its values once it is run, hours later.
+
+    Args:
+        step: recipe and values.
+        shared: values that come before the step's own.
+
+    Raises:
+        ConfigError: with the recipe and its values.
+    """
+    name, *values = step
+    try:
+        check_values(step_config(step, shared), name)
+    except InvalidValueError as error:
+        raise ConfigError(f"{' '.join((name, *values))}: {error}") from None
 
 
 def is_done(step: Step, shared: Sequence[str] = (), ignored: Sequence[str] = ()) -> bool:
