@@ -27,8 +27,8 @@ def whole_and_resumed(point_chain, monkeypatch) -> Callable[..., tuple[pd.DataFr
 
         with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
             patch.setattr(Training, "_finish_rollout", killed)
-            point_chain(recipe, *values, "system=cut")
-        return whole, point_chain(recipe, *values, "system=cut")
+            point_chain(recipe, *values, "system=cut", resumable=True)
+        return whole, point_chain(recipe, *values, "system=cut", resumable=True)
 
     return run
 

@@ -1,6 +1,9 @@
 """A chain of four subtasks on a point, which trains in seconds, and recipes run on it."""
 
+import functools
 import runpy
+import shutil
+import tempfile
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -16,6 +19,8 @@ from tstar_rl.chaining.skill import NetworkSettings, Skill
 from tstar_rl.config import build, chain
 from tstar_rl.config.values import CONFIGS
 from tstar_rl.env import furniture_env
+from tstar_rl.runs import checkpoint
+from tstar_rl.runs.run_folder import FINISHED
 
 ROOT = Path(__file__).resolve().parents[1]
 SUBTASKS = 4
@@ -185,6 +190,13 @@ class PointChain(EnvBase):
 
 def make_skills(folder: Path) -> None:
     """Four skills that walk forward and leave y alone, as a first stage would have left them."""
+    shutil.copytree(_made_skills().name, folder, dirs_exist_ok=True)
+
+
+@functools.cache
+def _made_skills() -> tempfile.TemporaryDirectory[str]:
+    """Where they are made, once for all tests of a process."""
+    folder = tempfile.TemporaryDirectory()
     for index in range(SUBTASKS):
         torch.manual_seed(index)
         skill = Skill("table_lack", index, NETWORKS)
@@ -194,23 +206,33 @@ def make_skills(folder: Path) -> None:
         head = skill.policy[0][1].module[0][-1]  # the last linear layer
         torch.nn.init.zeros_(head.weight)
         head.bias.data[0] = 1.0
-        skill.save(folder / f"runs/table_lack/gail_ppo/seed0/subtask{index}/last")
+        skill.save(Path(folder.name, f"runs/table_lack/gail_ppo/seed0/subtask{index}/last"))
+    return folder
 
 
 @pytest.fixture
 def point_chain(tmp_path, monkeypatch):
-    """Runs a chaining recipe on the point; returns its table of metrics."""
+    """Runs a chaining recipe on the point; returns its table of metrics.
+
+    The checkpoints of its turns take a third of such a run, and are written with resumable=True alone.
+    """
     make_skills(tmp_path)
     expert = SimpleNamespace(observations=torch.rand(64, 72), actions=torch.zeros(64, 9))
     monkeypatch.setattr(furniture_env, "FurnitureEnv", PointChain)
     for module in (build, chain):
         monkeypatch.setattr(module, "load_demonstrations", lambda config, subtask: expert)
 
-    def run(recipe: str, *values: str) -> pd.DataFrame:
+    def run(recipe: str, *values: str, resumable: bool = False) -> pd.DataFrame:
         places = [f"{place}_dir={tmp_path / place}" for place in ("results", "runs")]
         with initialize_config_dir(str(CONFIGS), version_base="1.3"):
             config = compose(f"recipe/{recipe}", [*SMALL, *SIZES, *places, *values])
-        runpy.run_path(str(ROOT / "recipes" / f"{recipe}.py"))["main"].__wrapped__(config)
+        begun = tmp_path / f"runs/table_lack/{config.system}/seed0"
+        if begun.is_dir() and not (begun / FINISHED).is_file():
+            assert resumable, "a run that was killed would begin anew: give both calls resumable=True"
+        with monkeypatch.context() as patch:
+            if not resumable:
+                patch.setattr(checkpoint, "save_step", lambda *_: None)
+            runpy.run_path(str(ROOT / "recipes" / f"{recipe}.py"))["main"].__wrapped__(config)
         return pd.read_csv(tmp_path / f"results/table_lack/{config.system}/seed0/metrics.csv")
 
     return run

@@ -62,8 +62,8 @@ def test_the_first_turn_counts_the_steps_of_the_episodes_before_it_also_after_a_
     values = ("chain.gate=true", "chain.steps_per_turn=512", "chain.links=2")
     with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
         patch.setattr(Turn, "_finish_rollout", killed)
-        point_chain("tstar", *values)
-    table = point_chain("tstar", *values)
+        point_chain("tstar", *values, resumable=True)
+    table = point_chain("tstar", *values, resumable=True)
     again, expected = seeding[-1].steps(), [judgement.steps for judgement in judged]
     assert len(seeding) == 2 and seeding[0].steps() == again > 0
     assert table.trial_steps.tolist() == [expected[0] + again, expected[1]]

@@ -137,14 +137,7 @@ def arm_table(rows: pd.DataFrame) -> pd.DataFrame:
         Index arm, in the order of `rows`; columns seeds, episodes, progress, progress_low, progress_high, and the same
         three of success.
     """
-    lines = {}
-    for arm, scores in arm_scores(rows).items():
-        line: dict[str, float] = {"seeds": len(scores), "episodes": sum(map(len, scores.values()))}
-        for name, threshold in (("progress", None), ("success", 1.0)):
-            of_seeds = [each if threshold is None else each >= threshold for each in scores.values()]
-            found = interquartile_interval([of_seeds], np.random.default_rng(SEED))
-            line |= {name: found.value, f"{name}_low": found.low, f"{name}_high": found.high}
-        lines[arm] = line
+    lines = {arm: _levels(_kept(seeds)) for arm, seeds in arm_scores(rows).items()}
     return pd.DataFrame.from_dict(lines, orient="index").rename_axis("arm")
 
 
@@ -177,8 +170,19 @@ def _kept(seeds: Mapping[int, NDArray[np.floating]]) -> Kept:
 
 
 @cache
+def _levels(arm: Kept) -> Mapping[str, float]:
+    """A line of `arm_table`. A page asks for each several times."""
+    scores = [np.frombuffer(each) for _, each in arm]
+    line: dict[str, float] = {"seeds": len(scores), "episodes": sum(map(len, scores))}
+    for name, of_seeds in (("progress", scores), ("success", [each >= 1.0 for each in scores])):
+        found = interquartile_interval([of_seeds], np.random.default_rng(SEED))
+        line |= {name: found.value, f"{name}_low": found.low, f"{name}_high": found.high}
+    return line
+
+
+@cache
 def _compare(first: Kept, second: Kept) -> Mapping[str, Any]:
-    """A line of `compare_arms` without its names, none without a common seed. A page asks for each several times."""
+    """A line of `compare_arms` without its names, none without a common seed; see `_levels`."""
     one, other = ({seed: np.frombuffer(scores) for seed, scores in arm} for arm in (first, second))
     if not set(one) & set(other):
         return {}
@@ -210,39 +214,37 @@ def hand_over_gaps(experiment: Experiment, task: str, checkpoint: str = "last") 
         Columns arm, seed, progress, product, gap, and fine_tuned (whether own success is of the arm's own skills); nan
         where nothing is known of the skills.
     """
+    own_starts = _by_run(experiment.hand_over, task)
+    skills = experiment.skills
+    alone = _by_run(skills if skills.empty else skills[skills["mode"] == "deterministic"], task)
     lines = []
     for _, row in experiment.chosen(task, checkpoint).iterrows():
-        own, tuned = _own_success(experiment, task, str(row["arm"]), int(row["seed"]), checkpoint)
+        arm, seed = str(row["arm"]), int(row["seed"])
+        tuned = (arm, seed, checkpoint) in own_starts
+        if tuned:
+            own = _of_whole_chain(own_starts[arm, seed, checkpoint], "own_starts", row)
+        else:
+            source = config_of(run_path(experiment.root, task, arm, seed)).get("skills", "gail_ppo")
+            kept = checkpoint if is_untrained(arm) else "last"  # fine-tuning begins with the last ones
+            found = alone.get((source, seed, kept))
+            own = [] if found is None else _of_whole_chain(found, "success", row)
         progress, product = float(row["progress"]), product_of_skills(own) if own else math.nan
-        line = {"arm": row["arm"], "seed": row["seed"], "progress": progress, "product": product}
+        line = {"arm": arm, "seed": seed, "progress": progress, "product": product}
         lines.append(line | {"gap": product - progress, "fine_tuned": tuned})
     return pd.DataFrame(lines)
 
 
-def _own_success(
-    experiment: Experiment, task: str, arm: str, seed: int, checkpoint: str
-) -> tuple[list[float], bool]:
-    """Success of each skill from its own starts, in their order, and whether it is that of the arm's own skills."""
-    table = experiment.hand_over
-    if len(table):
-        rows = table[(table.task == task) & (table.arm == arm) & (table.seed == seed)]
-        rows = rows[rows.checkpoint == checkpoint].sort_values("subtask")
-        if len(rows):
-            whole = rows["subtask"].tolist() == list(range(_chained(experiment, task, arm, seed)))
-            return (rows["own_starts"].tolist() if whole else []), True
-    skills = experiment.skills
-    if skills.empty:
-        return [], False
-    source = config_of(run_path(experiment.root, task, arm, seed)).get("skills", "gail_ppo")
-    skills = skills[(skills.task == task) & (skills.arm == source) & (skills.seed == seed)]
-    kept = checkpoint if is_untrained(arm) else "last"  # fine-tuning begins with the last ones
-    skills = skills[(skills.checkpoint == kept) & (skills["mode"] == "deterministic")].sort_values("subtask")
-    complete = skills["subtask"].tolist() == list(range(_chained(experiment, task, arm, seed)))
-    return (skills["success"].tolist() if complete else []), False
+def _by_run(table: pd.DataFrame, task: str) -> dict[tuple[Any, ...], pd.DataFrame]:
+    """The rows of each arm, seed and checkpoint, a skill each, in their order."""
+    if table.empty:
+        return {}
+    rows = table[table.task == task].sort_values("subtask")
+    return {
+        (arm, seed, name): rows for (arm, seed, name), rows in rows.groupby(["arm", "seed", "checkpoint"])
+    }
 
 
-def _chained(experiment: Experiment, task: str, arm: str, seed: int) -> int:
-    """How many subtasks a run's chain does."""
-    rows = experiment.arms
-    row = rows[(rows["task"] == task) & (rows["arm"] == arm) & (rows["seed"] == seed)].iloc[0]
-    return sum(not pd.isna(row[name]) for name in row.index if str(name).startswith("subtask_"))
+def _of_whole_chain(skills: pd.DataFrame, column: str, run: pd.Series) -> list[float]:
+    """A column of the skills of a run's chain; empty where they are not all of them."""
+    chained = sum(not pd.isna(run[name]) for name in run.index if str(name).startswith("subtask_"))
+    return skills[column].tolist() if skills["subtask"].tolist() == list(range(chained)) else []
