@@ -1,6 +1,7 @@
 """Rows and folders of published results, written by hand, and what the paper says beside them."""
 
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import yaml
@@ -39,5 +40,5 @@ def write(root: Path, experiment: str, recipe: str, seed: int, progress: float, 
     (folder / "config.yaml").write_text(yaml.safe_dump({"versions": {"commit": more.get("commit", COMMIT)}}))
 
 
-def contents(root: Path, experiments: list[dict]) -> None:
-    (root / "contents.yaml").write_text(yaml.safe_dump({"experiments": experiments}))
+def contents(root: Path, experiments: list[dict], **more: Any) -> None:
+    (root / "contents.yaml").write_text(yaml.safe_dump({"experiments": experiments, **more}))

@@ -48,6 +48,15 @@ def test_no_published_experiment_is_forgotten(published):
         read_contents(published)
 
 
+def test_an_experiment_that_is_kept_back_is_not_on_the_page(published):
+    """Seeds of it can be kept before all are done, and nobody looks at them."""
+    contents(published, [{"folder": "odd", "kind": "experiment"}], kept_back=["plain"])
+    assert [entry.folder.name for entry in read_contents(published).experiments] == ["odd"]
+    contents(published, [{"folder": "odd", "kind": "experiment"}], kept_back=["plain", "odd"])
+    with pytest.raises(ValueError, match="shows and keeps back odd"):
+        read_contents(published)
+
+
 def test_every_arm_and_task_that_the_contents_name_is_published_or_declared():
     files = (CONFIGS / "experiment").glob("*.yaml")
     declared = {

@@ -94,8 +94,8 @@ def read_contents(root: str | Path) -> Contents:
 
     Raises:
         FileNotFoundError: if there is no such file, or an experiment's folder has no README.md.
-        ValueError: for an unknown field or value, for a folder of results that the file does not name, and what
-            `parse_headline` raises.
+        ValueError: for an unknown field or value, for a folder of results that the file does not name or names both as
+            shown and as kept back, and what `parse_headline` raises.
     """
     root = Path(root)
     file = root / FILE
@@ -104,7 +104,10 @@ def read_contents(root: str | Path) -> Contents:
     values = yaml.safe_load(file.read_text())
     entries = tuple(_entry(root, one) for one in values["experiments"])
     named = {entry.folder.name for entry in entries}
-    left_out = {folder.name for folder in root.iterdir() if folder.is_dir()} - named
+    kept_back = set(values.get("kept_back", ()))
+    if shown := named & kept_back:
+        raise ValueError(f"{file} shows and keeps back {', '.join(sorted(shown))}")
+    left_out = {folder.name for folder in root.iterdir() if folder.is_dir()} - named - kept_back
     if left_out:
         raise ValueError(f"{file} leaves out {', '.join(sorted(left_out))}")
     headline = parse_headline(root, values["headline"]) if "headline" in values else None
