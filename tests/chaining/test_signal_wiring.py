@@ -1,5 +1,7 @@
 """What signals beyond the paper's learn from, are judged by and pay, read where the numbers pass, on a point."""
 
+from types import SimpleNamespace
+
 import pytest
 import torch
 
@@ -7,6 +9,7 @@ from tstar_rl.chaining import turn_updates, turns
 from tstar_rl.chaining.chain_training import ChainTraining
 from tstar_rl.chaining.signals import value_scale
 from tstar_rl.chaining.turns import Turn
+from tstar_rl.checks import InvalidValueError
 
 TWO = ("chain.gate=false", "chain.links=2")
 SHORT = ("chain.gate=false", "chain.steps_per_turn=512", "chain.trial_every=100")
@@ -35,6 +38,15 @@ def test_an_f_that_has_not_learned_is_not_paid_nor_judged(point_chain):
     paid = ["reward_tsr", "feasibility_loss", "feasibility_auc"]
     assert first[paid].isna().all(None) and second["reward_tsr"].notna().all()
     assert second["feasibility_brier"].notna().any()
+
+
+def test_a_signal_that_says_nothing_of_a_state_is_refused_before_the_turn():
+    turn = SimpleNamespace(signals={})
+    with pytest.raises(
+        InvalidValueError, match=r"turn.signal\('odd'\) takes what has said\(obs\).*; Linear has none"
+    ):
+        Turn.signal(turn, "odd", torch.nn.Linear(1, 1))
+    assert not turn.signals
 
 
 def test_f_learns_the_share_that_the_config_asks_for(point_chain, monkeypatch):

@@ -221,7 +221,16 @@ class TurnUpdates(Training):
             states.weigh(start_weights(expected(states.observations()).squeeze(-1), share))
 
     def signal(self, name: str, signal: AnySignal, label: Label = "success") -> AnySignal:
-        """Notes that a signal pays this turn, so that it is judged at the end by a label; returns the signal."""
+        """Notes that a signal pays this turn, so that it is judged at the end by a label; returns the signal.
+
+        Raises:
+            InvalidValueError: if it cannot be asked what it says of a state; see `Signal`.
+        """
+        if not hasattr(signal, "said"):
+            raise InvalidValueError(
+                f"turn.signal({name!r}) takes what has said(obs), (n, O) -> (n, 1), by which the turn judges it; "
+                f"{type(signal).__name__} has none"
+            )
         self.signals[name] = signal, label
         return signal
 
