@@ -6,13 +6,14 @@ import pandas as pd
 import pytest
 
 from tstar_rl.chaining.training import Training
+from tstar_rl.chaining.turns import Turn
 
 
 @pytest.fixture
 def whole_and_resumed(point_chain, monkeypatch) -> Callable[..., tuple[pd.DataFrame, pd.DataFrame]]:
     """Runs a recipe twice, as the systems `whole` and `cut`, in turns of one rollout; returns both tables.
 
-    The second run is killed in its fourth turn, and resumed.
+    The second run is killed in its fourth turn, and resumed: it begins with that turn, not anew.
     """
 
     def run(recipe: str, *values: str) -> tuple[pd.DataFrame, pd.DataFrame]:
@@ -28,7 +29,17 @@ def whole_and_resumed(point_chain, monkeypatch) -> Callable[..., tuple[pd.DataFr
         with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
             patch.setattr(Training, "_finish_rollout", killed)
             point_chain(recipe, *values, "system=cut", resumable=True)
-        return whole, point_chain(recipe, *values, "system=cut", resumable=True)
+        begun, rollouts = [], Turn.rollouts
+
+        def noted(turn):
+            begun.append(turn.run.turn)
+            return rollouts(turn)
+
+        with monkeypatch.context() as patch:
+            patch.setattr(Turn, "rollouts", noted)
+            resumed = point_chain(recipe, *values, "system=cut", resumable=True)
+        assert begun[0] == 3
+        return whole, resumed
 
     return run
 

@@ -24,7 +24,11 @@ def test_a_killed_training_goes_on_to_the_same_figures(point_chain, monkeypatch,
     with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
         patch.setattr(Training, "_finish_rollout", killed)
         point_chain("gail_ppo", *VALUES, *WARM_UPS, "system=cut", resumable=True)
-    cut = point_chain("gail_ppo", *VALUES, *WARM_UPS, "system=cut", "chain.rounds=2", resumable=True)
+    rest = []
+    with monkeypatch.context() as patch:
+        patch.setattr(Training, "_finish_rollout", lambda *both: rest.append(both) or finish(*both))
+        cut = point_chain("gail_ppo", *VALUES, *WARM_UPS, "system=cut", "chain.rounds=2", resumable=True)
+    assert len(rest) == 4  # of eight: it does not begin anew
     pd.testing.assert_frame_equal(cut, whole)
     for name in ("last", "best"):
         folders = (tmp_path / f"runs/table_lack/{system}/seed0/{name}" for system in ("whole", "cut"))

@@ -179,12 +179,17 @@ def test_a_rejected_turns_outcomes_are_those_of_the_skills_after(spoiled_turns, 
 
 
 @pytest.mark.parametrize("recipe", ONE_FAST)
-def test_a_killed_chain_goes_on_to_the_same_figures(recipe, whole_and_resumed):
-    """Sets, networks with inputs of their own scale, and optimisers: all come back from a checkpoint."""
+def test_a_killed_chain_goes_on_to_the_same_figures(recipe, whole_and_resumed, tmp_path):
+    """Sets, networks with inputs of their own scale, and optimisers: all come back from a checkpoint.
+
+    Killed in skill 0's second turn, which the signal of skill 1 pays.
+    """
     own = {"proximity": ("chain.path_steps=4",), "feasibility": ("feasibility.floor=1e-4",)}.get(recipe, ())
-    values = ("chain.gate=true", "chain.rounds=2", "chain.links=2", *own)
+    values = ("chain.gate=true", "chain.rounds=2", "chain.links=3", *own)
     whole, resumed = whole_and_resumed(recipe, *values)
     pd.testing.assert_frame_equal(resumed, whole)
+    for one, other in zip(*(load_chain(last(tmp_path, system)) for system in ("whole", "cut")), strict=True):
+        torch.testing.assert_close(one.network_state(), other.network_state(), rtol=0, atol=0)
 
 
 @pytest.mark.parametrize("recipe", ["tstar", "policy_sequencing", *OWN])

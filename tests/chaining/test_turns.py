@@ -84,9 +84,16 @@ def test_the_policy_is_updated_after_a_rollout_of_the_chains_own_horizon(point_c
 
 
 def test_what_a_chain_carries_over_goes_on_after_a_kill(whole_and_resumed, tmp_path):
-    """A run that is killed in its second skill's second turn and resumed writes the same table as one that was not."""
-    values = ("chain.gate=true", "chain.rounds=2", "chain.links=2", "chain.carry_over=true")
+    """A run that is killed and resumed writes the same table as one that was not; whose turn it is comes back, too."""
+    values = (
+        "chain.gate=true",
+        "chain.rounds=2",
+        "chain.links=3",
+        "chain.order=costliest",
+        "chain.carry_over=true",
+    )
     whole, resumed = whole_and_resumed("tstar", *values)
+    assert whole.skill[3] != 0  # where the skills have turns in their order, this one is the first's
     pd.testing.assert_frame_equal(resumed, whole)
     places = [tmp_path / f"runs/table_lack/{system}/seed0/last" for system in ("whole", "cut")]
     for one, other in zip(*map(load_chain, places), strict=True):
@@ -109,7 +116,7 @@ def test_a_signal_in_bfloat16_pays_the_same_after_a_kill(whole_and_resumed):
 
 def test_a_further_network_in_bfloat16_is_resumed(whole_and_resumed):
     """A resumed chain is loaded before its skills, which have no d_seams until then."""
-    values = ("chain.gate=false", "chain.links=2", "chain.rounds=2", "+d_omega.bfloat16=true")
+    values = ("chain.gate=false", "chain.links=3", "chain.rounds=2", "+d_omega.bfloat16=true")
     whole, resumed = whole_and_resumed("scar_like", *values)
     assert whole.tsr_on_success.notna().any()
     pd.testing.assert_frame_equal(whole, resumed)
