@@ -57,7 +57,14 @@ def test_a_turn_that_lost_more_than_the_margin_is_put_back(trained, kept):
     assert chain.number == kept and judgement.accepted == (kept == trained)
     assert judgement.kept.progress == pytest.approx(kept)
     assert chain.tried == [(trained, pytest.approx(trained))]  # looked at before it is put back
-    assert judgement.row(0)["tried_progress"] == pytest.approx(trained)
+    success = {"trial_before": 0.8, "trial_after": 2 * trained - 1}
+    progress = {
+        "accepted": int(kept == trained),
+        "tried_progress": trained,
+        "trial_progress": kept,
+        "trial_steps": 20,
+    }
+    assert judgement.row(1) == pytest.approx(success | progress)
 
 
 def test_a_trial_that_is_known_is_not_run_again_and_steps_are_counted_once():

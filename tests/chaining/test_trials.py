@@ -82,8 +82,9 @@ def test_skills_after_one_that_never_succeeds_have_no_episodes(skills):
     )
 
 
-def test_the_best_chain_is_that_of_the_best_trial(point_chain, tmp_path, monkeypatch):
-    """The second turn leaves a skill that walks backwards."""
+@pytest.mark.parametrize("gate", [False, True])
+def test_the_best_chain_is_that_of_the_best_trial(gate, point_chain, tmp_path, monkeypatch):
+    """The second turn leaves a skill that walks backwards; a gate puts it back."""
     finish = Training._finish_rollout
 
     def spoil(training, rollout):
@@ -92,9 +93,16 @@ def test_the_best_chain_is_that_of_the_best_trial(point_chain, tmp_path, monkeyp
         return finish(training, rollout)
 
     monkeypatch.setattr(Training, "_finish_rollout", spoil)
-    values = ("chain.gate=false", "chain.trial_every=1", "chain.links=2", "chain.steps_per_turn=512")
+    values = (
+        f"chain.gate={str(gate).lower()}",
+        "chain.trial_every=1",
+        "chain.links=2",
+        "chain.steps_per_turn=512",
+    )
     point_chain("tstar", *values)
     places = [tmp_path / f"runs/table_lack/tstar/seed0/{name}" for name in ("best", "last")]
     best, last = (float(load_chain(p)[1].policy[0][1].module[0][-1].bias.data[0]) for p in places)
-    assert last == -1.0 < 0 < best
-    assert checkpoint.read_record(places[0] / "skill0")["env_steps"] == 512
+    assert (last == -1.0) is not gate and 0 < best
+    assert checkpoint.read_record(places[0] / "skill0")["env_steps"] == (
+        1024 if gate else 512
+    )  # of equals, the later

@@ -159,7 +159,7 @@ def test_whose_d_omega_a_turn_trains(d_omega_of, point_chain, monkeypatch):
 
 @pytest.mark.parametrize("kept_states", ["all", "chained"])
 def test_which_terminal_states_are_kept(kept_states, point_chain, monkeypatch):
-    """As many as succeed, or as succeed in episodes that began in a chained start."""
+    """As many as succeed, or as succeed in episodes that began in a chained start; of starts always all."""
     counted = {}
     log = Turn.log
 
@@ -170,6 +170,7 @@ def test_which_terminal_states_are_kept(kept_states, point_chain, monkeypatch):
         here[0] += int((won & chained).sum())
         here[1] += int(won.sum())
         counted[turn.index, "added"] = len(turn.skill.termination_set)
+        counted[turn.index, "begun"] = len(turn.skill.initiation_set)
         log(turn, rollout, row)
 
     monkeypatch.setattr(Turn, "log", note)
@@ -178,6 +179,7 @@ def test_which_terminal_states_are_kept(kept_states, point_chain, monkeypatch):
     for index in range(2):
         chained, won = counted[index]
         assert counted[index, "added"] == (won if kept_states == "all" else chained)
+        assert counted[index, "begun"] == won
         assert chained == won if index == 0 else 0 < chained < won
 
 

@@ -47,6 +47,14 @@ def test_progress_is_the_mean_share_of_subtasks():
     assert [shorter["subtask_0"], shorter["subtask_1"]] == [0.75, 0.5] and math.isnan(shorter["subtask_2"])
 
 
+def test_a_skill_alone_has_done_all_that_it_is_to_do_where_it_succeeds():
+    succeeded = torch.tensor([[True], [False], [True], [True]])
+    following = {"success": succeeded, "completed": succeeded.long(), "step_count": torch.full((4, 1), 10)}
+    row = summarize(TensorDict({"next": following}, [4]), 4, 2)
+    assert row["progress"] == row["success"] == row["subtask_2"] == 0.75
+    assert all(math.isnan(row[f"subtask_{other}"]) for other in (0, 1, 3))
+
+
 def test_run_episodes_gives_the_last_step_of_each_first_episode(make_env, policy):
     env = with_starts(make_env(num_envs=6))
     seen = []

@@ -154,6 +154,8 @@ def test_the_critic_in_bfloat16_learns_and_the_actor_is_not_touched(make_env):
         update = PolicyUpdate(skill.policy, skill.value, settings, skill.return_scale)
         encoded = update._with_advantage(rollout.clone())["encoded"]
         values = update.critic.module(encoded).detach()
+        acts = update.loss.actor_network.get_dist(TensorDict({"encoded": encoded}, [len(encoded)]))
+        assert torch.equal(acts.mean, skill.policy.get_dist(rollout.reshape(-1)).mean)
         log = update(rollout.clone())
         found[coarse] = values, log["loss_critic"], state_of(skill.value)
     assert found[True][0].dtype == torch.float32 and not torch.equal(found[True][0], found[False][0])
