@@ -226,13 +226,13 @@ def point_chain(tmp_path, monkeypatch):
         places = [f"{place}_dir={tmp_path / place}" for place in ("results", "runs")]
         with initialize_config_dir(str(CONFIGS), version_base="1.3"):
             config = compose(f"recipe/{recipe}", [*SMALL, *SIZES, *places, *values])
-        begun = tmp_path / f"runs/table_lack/{config.system}/seed0"
+        begun = tmp_path / f"runs/table_lack/{config.system}/seed{config.seed}"
         if begun.is_dir() and not (begun / FINISHED).is_file():
             assert resumable, "a run that was killed would begin anew: give both calls resumable=True"
         with monkeypatch.context() as patch:
             if not resumable:
                 patch.setattr(checkpoint, "save_step", lambda *_: None)
             runpy.run_path(str(ROOT / "recipes" / f"{recipe}.py"))["main"].__wrapped__(config)
-        return pd.read_csv(tmp_path / f"results/table_lack/{config.system}/seed0/metrics.csv")
+        return pd.read_csv(tmp_path / f"results/table_lack/{config.system}/seed{config.seed}/metrics.csv")
 
     return run

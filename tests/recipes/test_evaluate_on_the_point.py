@@ -1,0 +1,89 @@
+"""The figures that `evaluate.py` writes, of chains on the point whose outcomes are known."""
+
+import pandas as pd
+import pytest
+from point_chain import PointChain, make_skills
+
+from tstar_rl.chaining.chain import save_chain
+from tstar_rl.chaining.recovery import RecoverySettings
+from tstar_rl.chaining.skill import Skill
+from tstar_rl.env import furniture_env
+from tstar_rl.seeds import evaluation_seed
+
+SEED = 5
+SETTINGS = ("+env.max_steps=20", "evaluation.whole_episodes=64", "video=false", f"seed={SEED}")
+
+
+@pytest.fixture
+def skills(tmp_path, monkeypatch) -> list[Skill]:
+    """Of a chain of which about half fails at the second, which succeeds where y > 0 alone."""
+    make_skills(tmp_path)
+    monkeypatch.setattr(furniture_env, "FurnitureEnv", PointChain)
+    return [
+        Skill.load(tmp_path / f"runs/table_lack/gail_ppo/seed0/subtask{index}/last") for index in range(4)
+    ]
+
+
+@pytest.fixture
+def evaluated(call, tmp_path):
+    """The rows of a saved chain's evaluation, by checkpoint and mode."""
+
+    def run(*values: str) -> pd.DataFrame:
+        places = [f"{place}_dir={tmp_path / place}" for place in ("results", "runs")]
+        call("evaluate", "system=tstar", *SETTINGS, *places, *values)
+        table = pd.read_csv(tmp_path / f"results/table_lack/tstar/seed{SEED}/evaluation.csv")
+        return table.set_index(["checkpoint", "mode"])
+
+    return run
+
+
+def test_each_checkpoint_has_its_own_figures_from_episodes_of_the_runs_seed(
+    skills, evaluated, tmp_path, monkeypatch
+):
+    """In the best chain the first skill ends where y > 0."""
+    made, init = [], PointChain.__init__
+
+    def noted(env, task, num_envs, subtask, seed, **settings):
+        made.append((num_envs, subtask, seed))
+        init(env, task, num_envs, subtask, seed, **settings)
+
+    monkeypatch.setattr(PointChain, "__init__", noted)
+    run = tmp_path / f"runs/table_lack/tstar/seed{SEED}"
+    save_chain(skills, run / "last")
+    skills[0].policy[0][1].module[0][-1].bias.data[1] = 3.0
+    save_chain(skills, run / "best")
+    rows = evaluated("modes=[deterministic,stochastic]")
+    last, best = (rows.success[name, "deterministic"] for name in ("last", "best"))
+    assert 0.25 < last < 0.75 and best > 0.9
+    modes = [(64, None, evaluation_seed(SEED, mode, None)) for mode in ("deterministic", "stochastic")]
+    assert made == modes * 2 and modes[0] != modes[1]
+
+
+def test_a_checkpoint_that_is_another_ones_copy_is_not_run_again(skills, evaluated, tmp_path):
+    for name in ("last", "best"):
+        save_chain(skills, tmp_path / f"runs/table_lack/tstar/seed{SEED}" / name)
+    rows = evaluated("modes=[deterministic]").drop(columns=["minutes", "env_steps"])
+    assert rows.loc["last"].equals(rows.loc["best"])
+
+
+def test_a_chain_that_was_saved_with_recovery_goes_home_at_the_worlds_speed(
+    skills, evaluated, tmp_path, monkeypatch
+):
+    """Every hand-over is drawn to go home: a step back, to where the skill before was not done yet."""
+    asked = []
+
+    def home(observation, velocity_scale):
+        asked.append(velocity_scale)
+        back = observation.new_zeros(len(observation), 9)
+        back[:, 0] = -1.0
+        return back, observation[:, 0] % 1 > 0.5
+
+    monkeypatch.setattr("tstar_rl.config.recovery.way_home", home)
+    recovery = {"settings": vars(RecoverySettings()), "shares": [1.0] * 3}
+    save_chain(skills, tmp_path / f"runs/table_lack/tstar/seed{SEED}/last", recovery=recovery)
+    rows = evaluated("modes=[deterministic]", "checkpoints=[last]", "env.velocity_scale=0.4")
+    row = rows.loc["last", "deterministic"]
+    begun = (
+        1 + 2 * row.subtask_1
+    )  # each skill but the first, where the one before it succeeded: the first always does
+    assert row.homings == pytest.approx(begun) and set(asked) == {0.4}
