@@ -6,6 +6,7 @@ import torch
 
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.chaining.training import Training
+from tstar_rl.updates import PolicyUpdate
 
 VALUES = ("training.total_steps=4096", "training.checkpoint_every=1024", "training.max_steps=3")
 WARM_UPS = ("ppo.critic_warmup=3", "++ppo.rate_warmup=100")
@@ -34,6 +35,33 @@ def test_a_killed_training_goes_on_to_the_same_figures(point_chain, monkeypatch,
         folders = (tmp_path / f"runs/table_lack/{system}/seed0/{name}" for system in ("whole", "cut"))
         one, other = (Skill.load(folder).network_state() for folder in folders)
         torch.testing.assert_close(one, other, rtol=0, atol=0)
+
+
+def rates_of(monkeypatch) -> list[float]:
+    """The actor's rate in every update."""
+    rates, update = [], PolicyUpdate.__call__
+
+    def noted(policy_update, *values):
+        log = update(policy_update, *values)
+        rates.append(policy_update.actor_optimizer.param_groups[0]["lr"])
+        return log
+
+    monkeypatch.setattr(PolicyUpdate, "__call__", noted)
+    return rates
+
+
+@pytest.mark.parametrize(
+    ("recipe", "values", "updates"),
+    [
+        ("gail_ppo", ["training.total_steps=2048"], 4),
+        ("tstar", ["chain.links=2", "chain.rounds=2", "chain.steps_per_turn=512", "chain.gate=false"], 4),
+    ],
+)
+def test_rates_fall_evenly_over_the_whole_run(recipe, values, updates, point_chain, monkeypatch):
+    """Of a chain that is all rounds of all skills, of which each has an optimiser of its own."""
+    rates = rates_of(monkeypatch)
+    point_chain(recipe, *values, "ppo.linear_decay=true", "ppo.critic_warmup=0", "system=mine")
+    assert rates == pytest.approx([1e-3 * (1 - step / updates) for step in range(1, updates + 1)])
 
 
 @pytest.mark.parametrize("running", ["false", "true"])

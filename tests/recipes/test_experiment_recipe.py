@@ -6,12 +6,14 @@ import sys
 from pathlib import Path
 
 import pytest
+import yaml
 from hydra.core.global_hydra import GlobalHydra
 
 from tstar_rl.launch.side_by_side import Step
 
 ROOT = Path(__file__).resolve().parents[2]
 ONE = ["experiment=shelf", "tasks=[chair_agne]", "seeds=[310]", "processes=1"]
+SHELF = ROOT / "configs/experiment/shelf.yaml"
 FEW = "arms=[no_finetuning]"
 ARMS = {"no_finetuning", "floored", "gaussian", "tstar", "buffer_costliest", "in_order_cloned"}
 
@@ -25,6 +27,14 @@ def queue(tmp_path, monkeypatch):
 
     from tstar_rl.launch import time_limit
 
+    def code_of(commit: str, folder: Path) -> Path:
+        """A folder that has its name and our configs."""
+        place = tmp_path / "code" / commit
+        place.mkdir(parents=True, exist_ok=True)
+        if not (place / "configs").exists():
+            (place / "configs").symlink_to(ROOT / "configs")
+        return place
+
     def call(*values: str, takes=lambda step: None) -> list[tuple[Step, float | None, Path | None]]:
         taken = []
 
@@ -33,7 +43,7 @@ def queue(tmp_path, monkeypatch):
             takes(step)
 
         monkeypatch.setattr(time_limit, "run_recipe", run_recipe)
-        monkeypatch.setattr(experiment, "code_of_commit", lambda commit, folder: ROOT)
+        monkeypatch.setattr(experiment, "code_of_commit", code_of)
         monkeypatch.setattr(sys, "argv", ["experiment.py", *ONE, *values])
         GlobalHydra.instance().clear()
         experiment.main()
@@ -53,7 +63,29 @@ def test_every_step_of_a_seed_is_run_with_the_code_of_its_commit(queue):
     }
     assert evaluated >= ARMS
     assert all("task=chair_agne" in step and "seed=310" in step for step in steps)
-    assert {(seconds, code) for _, seconds, code in taken} == {(None, ROOT)}
+    assert {seconds for _, seconds, _ in taken} == {None}
+    assert {code.name for _, _, code in taken} == {yaml.safe_load(SHELF.read_text())["commit"]}
+
+
+def test_an_arm_that_names_a_commit_is_run_with_that_ones_code(queue):
+    declared = yaml.safe_load((ROOT / "configs/experiment/beyond_tstar.yaml").read_text())
+    arms = {arm["name"]: arm.get("commit", declared["commit"]) for arm in declared["arms"]}
+    chosen = ("tstar", "tstar_between", "in_order_cloned")
+    assert len({arms[name] for name in chosen}) == 3
+    taken = queue(
+        "experiment=beyond_tstar", "tasks=[table_lack]", "seeds=[200]", f"arms=[{','.join(chosen)}]"
+    )
+    for name in chosen:
+        assert {code.name for step, _, code in taken if f"system={name}" in step} == {arms[name]}
+
+
+def test_what_is_finished_is_not_run_again(queue, monkeypatch):
+    import experiment
+
+    steps = [step for step, _, _ in queue(FEW)]
+    finished = steps[0]
+    monkeypatch.setattr(experiment, "is_done", lambda step, ignored: step == finished)
+    assert [step for step, _, _ in queue(FEW)] == steps[1:]
 
 
 def test_when_the_time_is_over_it_says_so_and_asks_to_be_called_again(queue, capsys):
