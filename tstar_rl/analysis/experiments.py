@@ -239,9 +239,7 @@ def _by_run(table: pd.DataFrame, task: str) -> dict[tuple[Any, ...], pd.DataFram
     if table.empty:
         return {}
     rows = table[table.task == task].sort_values("subtask")
-    return {
-        (arm, seed, name): rows for (arm, seed, name), rows in rows.groupby(["arm", "seed", "checkpoint"])
-    }
+    return dict(iter(rows.groupby(["arm", "seed", "checkpoint"])))
 
 
 def _of_whole_chain(skills: pd.DataFrame, column: str, run: pd.Series) -> list[float]:

@@ -95,7 +95,8 @@ class TurnUpdates(Training):
 
     def has_learned(self, name: str, skill: Skill) -> bool:
         """Whether this turn, or one before that was kept, has trained a skill's network, with data."""
-        return f"{skill.subtask}/{name}" in self.chain.learned | self.learned_here()
+        place = f"{skill.subtask}/{name}"
+        return place in self.chain.learned or place in self.learned_here()
 
     def learned_here(self) -> set[str]:
         """The networks of scores that this turn has trained, with data, as in `ChainTraining.learned`."""
