@@ -27,9 +27,9 @@ from tstar_rl.config.ranges import chain_length
 from tstar_rl.config.values import plain
 from tstar_rl.launch.backends import launcher
 from tstar_rl.launch.bonus import mean_bonus
-from tstar_rl.launch.overrides import known_to
+from tstar_rl.launch.overrides import chosen_scale, known_to, passed_on
 from tstar_rl.launch.side_by_side import Step, run_side_by_side
-from tstar_rl.launch.steps import check_step, chosen_scale, is_done, missing, passed_on, step_config
+from tstar_rl.launch.steps import check_step, is_done, missing, step_config
 from tstar_rl.runs.files import replacing
 from tstar_rl.runs.run_folder import run_path
 

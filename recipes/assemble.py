@@ -14,8 +14,9 @@ from omegaconf import DictConfig
 from tstar_rl.config.load import recipe
 from tstar_rl.launch.backends import launcher
 from tstar_rl.launch.bonus import BONUS, with_bonus, without_bonus
+from tstar_rl.launch.overrides import chosen_scale, passed_on
 from tstar_rl.launch.side_by_side import Step, run_side_by_side
-from tstar_rl.launch.steps import chosen_scale, missing, passed_on
+from tstar_rl.launch.steps import missing
 from tstar_rl.runs.csv_tables import append_rows
 
 OWN = ("processes", "seeds")  # values that only this recipe knows

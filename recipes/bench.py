@@ -43,8 +43,8 @@ from tqdm import tqdm
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.build import environment
 from tstar_rl.config.load import recipe
+from tstar_rl.launch.overrides import chosen_scale, passed_on
 from tstar_rl.launch.side_by_side import run_recipe
-from tstar_rl.launch.steps import chosen_scale, passed_on
 from tstar_rl.runs.csv_tables import append_rows
 from tstar_rl.seeds import derive_seed
 

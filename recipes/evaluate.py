@@ -29,7 +29,8 @@ from tstar_rl.config.load import recipe
 from tstar_rl.config.pretrained import check_same_chain, take_pretrained
 from tstar_rl.config.recovery import chain_policy
 from tstar_rl.config.values import plain
-from tstar_rl.launch.steps import begun_with, check_evaluation, ended_since, evaluated_runs, run_folder
+from tstar_rl.launch.evaluations import check_evaluation
+from tstar_rl.launch.run_folders import begun_with, ended_since, evaluated_runs, run_folder
 from tstar_rl.rollouts.episodes import evaluate, same_policy
 from tstar_rl.rollouts.recorder import Recorder
 from tstar_rl.runs.checkpoint import is_checkpoint

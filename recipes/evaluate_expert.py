@@ -11,7 +11,7 @@ from omegaconf import DictConfig
 from tstar_rl.config.build import environment
 from tstar_rl.config.load import recipe
 from tstar_rl.config.values import plain
-from tstar_rl.launch.steps import check_evaluation
+from tstar_rl.launch.evaluations import check_evaluation
 from tstar_rl.rollouts.episodes import evaluate
 from tstar_rl.rollouts.recorder import Recorder
 from tstar_rl.runs.csv_tables import append_rows

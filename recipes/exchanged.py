@@ -18,7 +18,8 @@ from tstar_rl.config.chain import skills_as_they_are
 from tstar_rl.config.load import recipe
 from tstar_rl.config.seams import chain_of, env_at_seam
 from tstar_rl.intervals import share_columns
-from tstar_rl.launch.steps import begun_with, check_chain, run_folder
+from tstar_rl.launch.evaluations import check_chain
+from tstar_rl.launch.run_folders import begun_with, run_folder
 from tstar_rl.runs.csv_tables import append_rows
 from tstar_rl.seams.exchange import exchange_skills
 from tstar_rl.seeds import evaluation_seed

@@ -25,14 +25,15 @@ from omegaconf import DictConfig
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.load import recipe
 from tstar_rl.config.values import CONFIGS, plain
+from tstar_rl.experiments.declared import DeclaredExperiment
+from tstar_rl.experiments.published import publish
+from tstar_rl.experiments.values import parse_experiment
 from tstar_rl.launch.backends import check_local
 from tstar_rl.launch.bonus import with_bonus, without_bonus
 from tstar_rl.launch.code_of_commit import code_of_commit, configs_of
-from tstar_rl.launch.experiment import DeclaredExperiment
-from tstar_rl.launch.experiment_values import parse_experiment
-from tstar_rl.launch.published import publish
+from tstar_rl.launch.overrides import passed_on
 from tstar_rl.launch.side_by_side import Step, run_side_by_side
-from tstar_rl.launch.steps import check_step, is_done, passed_on, step_config
+from tstar_rl.launch.steps import check_step, is_done, step_config
 from tstar_rl.launch.time_limit import MORE, TimeIsOver, check_goes_on, deadline, run_until
 
 OWN = ("experiment", "processes", "minutes", "publish", "unpublished", "seeds", "tasks", "arms")

@@ -31,7 +31,7 @@ from tstar_rl.demonstrations.formats import (
     write_hdf5,
     write_minari,
 )
-from tstar_rl.launch.steps import check_evaluation
+from tstar_rl.launch.evaluations import check_evaluation
 from tstar_rl.rollouts.episodes import MODES
 from tstar_rl.runs.checkpoint import is_checkpoint
 from tstar_rl.runs.run_folder import read_run_path, run_path

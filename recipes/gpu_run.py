@@ -20,8 +20,10 @@ from omegaconf import DictConfig
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.load import recipe
 from tstar_rl.launch.backends import check_local
+from tstar_rl.launch.overrides import passed_on
+from tstar_rl.launch.run_folders import run_folder
 from tstar_rl.launch.side_by_side import Step
-from tstar_rl.launch.steps import is_done, passed_on, run_folder, step_config, step_files
+from tstar_rl.launch.steps import is_done, step_config, step_files
 from tstar_rl.launch.time_limit import MORE, TimeIsOver, check_goes_on, deadline, run_until
 from tstar_rl.runs import checkpoint
 from tstar_rl.runs.csv_tables import append_rows

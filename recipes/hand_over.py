@@ -20,7 +20,7 @@ from tstar_rl.chaining.skill import Skill
 from tstar_rl.config.load import recipe
 from tstar_rl.config.seams import chain_of, env_at_seam
 from tstar_rl.intervals import share_columns
-from tstar_rl.launch.steps import check_chain
+from tstar_rl.launch.evaluations import check_chain
 from tstar_rl.rollouts.state_sets import TerminationSet
 from tstar_rl.runs.csv_tables import append_rows
 from tstar_rl.seams.exchange import run_from

@@ -34,7 +34,7 @@ from tstar_rl.config.build import environment
 from tstar_rl.config.load import recipe
 from tstar_rl.config.seams import chain_of, env_at_seam
 from tstar_rl.env.task_tables import part_names
-from tstar_rl.launch.steps import check_chain
+from tstar_rl.launch.evaluations import check_chain
 from tstar_rl.rollouts.episodes import run_episodes
 from tstar_rl.rollouts.hand_overs import HandOver, HandOvers
 from tstar_rl.rollouts.state_sets import TerminationSet

@@ -21,7 +21,8 @@ from tstar_rl.config.check import ConfigError
 from tstar_rl.config.load import recipe
 from tstar_rl.config.recovery import refuse_recovery
 from tstar_rl.config.values import plain
-from tstar_rl.launch.steps import chosen_scale, ended_since, evaluated_runs, run_folder
+from tstar_rl.launch.overrides import chosen_scale
+from tstar_rl.launch.run_folders import ended_since, evaluated_runs, run_folder
 from tstar_rl.runs.csv_tables import read_table
 from tstar_rl.runs.mismatch import CheckpointMismatchError, differences
 from tstar_rl.runs.run_config import read_config

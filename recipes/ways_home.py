@@ -18,7 +18,8 @@ from tstar_rl.config.chain import check_links
 from tstar_rl.config.load import recipe
 from tstar_rl.config.recovery import chain_policy
 from tstar_rl.env.task_tables import subtask_geometry
-from tstar_rl.launch.steps import check_chain, run_folder
+from tstar_rl.launch.evaluations import check_chain
+from tstar_rl.launch.run_folders import run_folder
 from tstar_rl.rollouts.episodes import run_episodes
 from tstar_rl.runs.csv_tables import write_table
 from tstar_rl.seams.ways_home import WaysHome

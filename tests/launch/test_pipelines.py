@@ -6,7 +6,8 @@ import pytest
 from finished_steps import SUBTASKS, finish, places
 from recipe_runs import load_recipe
 
-from tstar_rl.launch import bonus, steps
+from tstar_rl.launch import bonus, overrides, steps
+from tstar_rl.launch.overrides import passed_on
 from tstar_rl.launch.steps import step_config
 
 
@@ -21,8 +22,8 @@ def test_a_recipe_passes_on_what_is_not_its_own(monkeypatch):
         "env.max_steps=4",
     ]
     hydra = type("Hydra", (), {"overrides": type("Overrides", (), {"task": given})})
-    monkeypatch.setattr(steps.HydraConfig, "get", lambda: hydra)
-    assert steps.passed_on(("seeds", "bench", "minutes")) == ["scale=quick", "seed=1", "env.max_steps=4"]
+    monkeypatch.setattr(overrides.HydraConfig, "get", lambda: hydra)
+    assert passed_on(("seeds", "bench", "minutes")) == ["scale=quick", "seed=1", "env.max_steps=4"]
 
 
 @pytest.fixture

@@ -1,9 +1,33 @@
-"""Overrides of a training, and those of them that another step has a value for."""
+"""The values on a command line, and which of them another recipe is given."""
 
-from collections.abc import Iterable, Mapping
+import re
+from collections.abc import Container, Iterable, Mapping
 from typing import Any
 
-__all__ = ["known_to"]
+from hydra.core.hydra_config import HydraConfig
+
+__all__ = ["chosen_scale", "known_to", "passed_on"]
+
+
+def passed_on(own: Container[str]) -> list[str]:
+    """The values on this recipe's command line that the recipes which it starts are given too.
+
+    Args:
+        own: keys and sections that only this recipe knows; values of these are left out, and launch, for the recipes
+            that are started start none.
+    """
+    given = HydraConfig.get().overrides.task
+    sections = [re.split(r"[.=]", value.lstrip("+~"), maxsplit=1)[0] for value in given]
+    return [
+        value
+        for section, value in zip(sections, given, strict=True)
+        if section not in own and section != "launch"
+    ]
+
+
+def chosen_scale() -> str:
+    """The scale that this recipe's command line has chosen, or its config's default."""
+    return HydraConfig.get().runtime.choices["scale"]
 
 
 def known_to(config: Mapping[str, Any], overrides: Iterable[str]) -> tuple[str, ...]:

@@ -5,7 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from tstar_rl.launch.published import publish
+from tstar_rl.experiments.published import publish
 from tstar_rl.runs.csv_tables import LogError
 from tstar_rl.runs.files import turn_to_write
 
@@ -101,7 +101,7 @@ def test_a_copy_that_fails_leaves_no_table(tmp_path, monkeypatch):
         target.write_text("prog")
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr("tstar_rl.launch.published.shutil.copyfile", full)
+    monkeypatch.setattr("tstar_rl.experiments.published.shutil.copyfile", full)
     with pytest.raises(OSError, match="No space"):
         publish(tmp_path / "a", tmp_path / "b")
     assert not list((tmp_path / "b/t/one/seed0").iterdir())

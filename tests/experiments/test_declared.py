@@ -8,8 +8,8 @@ from hydra import compose, initialize_config_dir
 from small_experiment import SMALL
 
 from tstar_rl.config.values import CONFIGS, plain
+from tstar_rl.experiments.values import parse_experiment
 from tstar_rl.launch.bonus import without_bonus
-from tstar_rl.launch.experiment_values import parse_experiment
 from tstar_rl.runs.run_folder import Place
 
 

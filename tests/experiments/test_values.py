@@ -3,7 +3,7 @@
 import pytest
 from small_experiment import SMALL
 
-from tstar_rl.launch.experiment_values import parse_experiment
+from tstar_rl.experiments.values import parse_experiment
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,64 @@
+"""Whether an evaluation that is there is the one that is asked for."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from omegaconf import DictConfig
+
+from tstar_rl.config.values import plain
+from tstar_rl.launch.run_folders import ended_since, evaluated_runs, run_folder
+from tstar_rl.runs.csv_tables import read_table
+from tstar_rl.runs.mismatch import CheckpointMismatchError, differences
+from tstar_rl.runs.run_config import read_config
+from tstar_rl.runs.run_folder import FINISHED, run_path
+
+__all__ = ["check_chain", "check_evaluation", "is_evaluated"]
+
+
+def is_evaluated(config: DictConfig) -> bool:
+    """Whether a table that is there is complete, and not older than the end of any run that it is of."""
+    results, runs = run_folder(config, "results_dir"), evaluated_runs(config)
+    check_evaluation(results, plain(config))
+    file = results / "evaluation.csv"
+    if not all((run / FINISHED).is_file() for run in runs) or ended_since(file, runs):
+        return False
+    table, evaluation = read_table(file), config.evaluation
+    number = evaluation.whole_episodes if config.subtask is None else evaluation.episodes
+    rows = table[(table.seed == config.seed) & (table.episodes == number)]
+    rows, asked = rows[rows.checkpoint.isin(list(config.checkpoints))], set(config.modes)
+    left = [name for name in config.checkpoints if all((run / name).is_dir() for run in runs)]
+    return asked <= set(rows["mode"]) and all(
+        asked <= set(rows[rows.checkpoint == name]["mode"]) for name in left
+    )
+
+
+def check_evaluation(folder: Path, config: Mapping[str, Any]) -> None:
+    """Refuses an evaluation that the config.yaml of `folder` would not tell of.
+
+    That is one in another world than that of the training, or of the evaluation, that is there; and one of other skills
+    chained as they are.
+
+    Raises:
+        CheckpointMismatchError: with what differs.
+    """
+    saved = read_config(folder)
+    if not saved:
+        return
+    names = ("env", "skills", "links") if saved.get("evaluation_only") else ("env",)
+    there, now = ({**values, "links": values.get("chain", {}).get("links")} for values in (saved, config))
+    if wrong := differences(*({name: values.get(name) for name in names} for values in (there, now))):
+        raise CheckpointMismatchError(
+            f"{folder} has the results of something else: {'; '.join(wrong)}. Give the scale that it has, or another "
+            "results_dir=..., or, of skills chained as they are, another system=no_finetuning_<name>"
+        )
+
+
+def check_chain(config: DictConfig, system: str) -> None:
+    """Refuses a config of another world than that in which the chain of `system` was trained or evaluated.
+
+    Raises:
+        CheckpointMismatchError: with what differs.
+    """
+    folder = run_path(config.results_dir, config.task.name, system, config.seed)
+    check_evaluation(folder, plain(config))
