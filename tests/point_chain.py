@@ -6,6 +6,7 @@ import shutil
 import tempfile
 from pathlib import Path
 from types import SimpleNamespace
+from typing import NamedTuple
 
 import pandas as pd
 import pytest
@@ -237,3 +238,26 @@ def point_chain(tmp_path, monkeypatch):
         return pd.read_csv(tmp_path / f"results/table_lack/{config.system}/seed{config.seed}/metrics.csv")
 
     return run
+
+
+class MadeWorld(NamedTuple):
+    """What an environment on the point was made with."""
+
+    num_envs: int
+    subtask: int | None
+    seed: int
+    max_steps: int | None
+    """As given: of one subtask."""
+
+
+@pytest.fixture
+def worlds(monkeypatch) -> list[MadeWorld]:
+    """Every environment on the point, in the order in which they are made."""
+    made, init = [], PointChain.__init__
+
+    def noted(env, task, num_envs=1, subtask=None, seed=0, **settings):
+        made.append(MadeWorld(num_envs, subtask, seed, settings.get("max_steps")))
+        init(env, task, num_envs, subtask, seed, **settings)
+
+    monkeypatch.setattr(PointChain, "__init__", noted)
+    return made

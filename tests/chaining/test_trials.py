@@ -46,6 +46,27 @@ def test_a_trial_of_a_shorter_chain_ends_where_the_chain_does(skills):
     assert trial.steps() == int(env.base_env.steps.sum()) < 16 * 5
 
 
+class Breaking(PointChain):
+    """Its simulations 0 and 1 break in the step in which they arrive, as where MuJoCo gives up."""
+
+    def _step(self, tensordict):
+        before = self.now[:2].clone()
+        out = super()._step(tensordict)
+        broken = self.now[:2] > before
+        out["terminated"][:2, 0] |= broken
+        out["done"][:2, 0] |= broken
+        out["success"][:2, 0] &= ~broken
+        return out
+
+
+def test_a_simulation_that_breaks_as_it_arrives_has_not_succeeded(skills):
+    trial = run_trial(skills, with_starts(Breaking("table_lack", 16, None, seed=3)))
+    assert trial.skills[0].succeeded.tolist() == [False] * 2 + [True] * 14
+    assert trial.completed[:2].tolist() == [0, 0] and trial.skills[1].simulations.tolist() == list(
+        range(2, 16)
+    )
+
+
 def assert_same(one: Trial, other: Trial) -> None:
     """Whether two trials say the same, to the bit."""
     for this, that in zip(one.skills, other.skills, strict=True):

@@ -5,7 +5,6 @@ from copy import deepcopy
 import pandas as pd
 import pytest
 import torch
-from point_chain import PointChain
 
 from tstar_rl.chaining import turns
 from tstar_rl.chaining.chain import load_chain
@@ -13,7 +12,6 @@ from tstar_rl.chaining.gate import Gate
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.chaining.trials import run_trial
 from tstar_rl.chaining.turns import Turn
-from tstar_rl.seeds import derive_seed
 
 SHORT = ("chain.gate=false", "chain.steps_per_turn=512", "chain.trial_every=100")
 """Turns of one rollout, and no trial."""
@@ -196,23 +194,6 @@ def test_where_no_start_is_chained_no_terminal_state_is_kept(point_chain, monkey
     values = ("chain.links=2", "chain.seed_episodes=0", "chain.kept_states=chained", starts)
     point_chain("policy_sequencing", "chain.gate=false", *values)
     assert added[0] > 0 and added[1] == 0
-
-
-def test_turns_trials_and_the_episodes_before_them_have_seeds_and_limits_of_their_own(
-    point_chain, monkeypatch
-):
-    made, init = [], PointChain.__init__
-
-    def noted(env, task, num_envs, subtask, **settings):
-        made.append((subtask, settings["seed"], settings["max_steps"]))
-        init(env, task, num_envs, subtask, **settings)
-
-    monkeypatch.setattr(PointChain, "__init__", noted)
-    limits = ("training.max_steps=9", "chain.trial_max_steps=7")
-    point_chain("tstar", "chain.gate=true", "chain.links=2", "chain.steps_per_turn=512", *limits)
-    before, tried = ((None, derive_seed(0, purpose), 7) for purpose in ("harvest", "validate"))
-    first, second = ((index, derive_seed(0, "chain", index), 9) for index in range(2))
-    assert made == [before, first, tried, tried, second, tried]
 
 
 def test_a_chain_begins_with_the_checkpoint_that_is_asked_for(point_chain, tmp_path, monkeypatch):

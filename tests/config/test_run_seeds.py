@@ -5,7 +5,6 @@ import shutil
 import pytest
 import torch
 from hydra import compose, initialize_config_dir
-from point_chain import PointChain
 from recipe_runs import load_recipe
 
 from tstar_rl.chaining.turns import Turn
@@ -13,6 +12,11 @@ from tstar_rl.config.build import new_skill, new_spirl_agent
 from tstar_rl.config.values import CONFIGS
 from tstar_rl.demonstrations.file_check import KINDS
 from tstar_rl.seeds import derive_seed
+
+
+def made_with(worlds) -> list[tuple[int | None, int]]:
+    """The subtask and the seed of each."""
+    return [(world.subtask, world.seed) for world in worlds]
 
 
 class Nothing:
@@ -23,19 +27,6 @@ class Nothing:
 
     def save(self, path) -> None:
         pass
-
-
-@pytest.fixture
-def worlds(monkeypatch) -> list[tuple[int | None, int]]:
-    """The subtask and the seed of every environment on the point, in the order in which they are made."""
-    made, init = [], PointChain.__init__
-
-    def noted(env, task, num_envs, subtask, seed, **settings):
-        made.append((subtask, seed))
-        init(env, task, num_envs, subtask, seed, **settings)
-
-    monkeypatch.setattr(PointChain, "__init__", noted)
-    return made
 
 
 @pytest.mark.parametrize(("recipe", "make"), [("gail_ppo", new_skill), ("spirl", new_spirl_agent)])
@@ -50,10 +41,12 @@ def test_initial_weights(recipe, make):
 
 def test_a_skill_in_training(point_chain, worlds):
     point_chain("gail_ppo", "training.total_steps=512", "seed=5")
-    assert worlds == [(None, derive_seed(5, "train", None))]
+    assert made_with(worlds) == [(None, derive_seed(5, "train", None))]
 
 
-def test_a_chain_its_trials_and_its_turns(point_chain, worlds, monkeypatch, tmp_path):
+def test_a_chain_its_trials_and_its_turns_which_have_their_own_limits(
+    point_chain, worlds, monkeypatch, tmp_path
+):
     skills = tmp_path / "runs/table_lack/gail_ppo"
     shutil.copytree(skills / "seed0", skills / "seed5")
     drawn, rollouts = [], Turn.rollouts
@@ -63,11 +56,13 @@ def test_a_chain_its_trials_and_its_turns(point_chain, worlds, monkeypatch, tmp_
         return rollouts(turn)
 
     monkeypatch.setattr(Turn, "rollouts", noted)
-    point_chain("tstar", "seed=5", "chain.gate=true", "chain.links=2", "chain.steps_per_turn=512")
+    limits = ("training.max_steps=9", "chain.trial_max_steps=7")
+    point_chain("tstar", "seed=5", "chain.gate=true", "chain.links=2", "chain.steps_per_turn=512", *limits)
     before, tried = ((None, derive_seed(5, purpose)) for purpose in ("harvest", "validate"))
     turns = [derive_seed(5, "chain", index) for index in range(2)]
     first, second = enumerate(turns)
-    assert worlds == [before, first, tried, tried, second, tried] and drawn == turns
+    assert made_with(worlds) == [before, first, tried, tried, second, tried] and drawn == turns
+    assert [world.max_steps for world in worlds] == [7, 9, 7, 7, 9, 7]
 
 
 def test_demonstrations(tmp_path):

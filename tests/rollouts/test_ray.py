@@ -1,5 +1,6 @@
 """Rollouts and recipes on a Ray cluster of two workers on this machine: what is the same, and what a death does."""
 
+import itertools
 import os
 import signal
 import sys
@@ -66,8 +67,8 @@ def collect(cluster):
     """Makes a RayCollection of four simulations and eight steps, and ends its workers."""
     made = []
 
-    def make(skill: Skill, before: TerminationSet | None = None) -> RayCollection:
-        made.append(RayCollection(make_environment, skill.policy, 4, 8, 2, 0, before, CLUSTER))
+    def make(skill: Skill, before: TerminationSet | None = None, seed: int = 0) -> RayCollection:
+        made.append(RayCollection(make_environment, skill.policy, 4, 8, 2, seed, before, CLUSTER))
         return made[-1]
 
     yield make
@@ -112,9 +113,21 @@ def test_rollouts_go_on_bit_for_bit_from_their_state(collect):
     second = collect(new_skill())
     second.load_state_dict(state)
     resumed = second.rollout()
-    assert not torch.equal(expected["action"][:2], expected["action"][2:]), "the workers act alike"
     for key in ("observation", "action", ("next", "reward_env"), ("next", "done"), "start_observation"):
         assert torch.equal(expected[key], resumed[key]), key
+
+
+@pytest.mark.slow
+def test_every_worker_and_every_run_draws_starts_and_actions_of_its_own(collect):
+    rollouts = []
+    for seed in (0, 1):
+        collection = collect(new_skill(), seed=seed)
+        rollouts += collection.rollout().split(2)
+        collection.close()  # the cluster has room for two workers
+    for one, other in itertools.combinations(rollouts, 2):
+        assert not torch.equal(one["observation"][:, 0], other["observation"][:, 0])
+        noise = [(each["action"] - each["loc"])[:, 0] for each in (one, other)]
+        assert not torch.equal(*noise)
 
 
 @pytest.mark.slow
