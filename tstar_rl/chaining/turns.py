@@ -20,14 +20,17 @@ from tstar_rl.chaining.chain_training import ChainTraining
 from tstar_rl.chaining.seam import Seam
 from tstar_rl.chaining.signals import judge
 from tstar_rl.chaining.trials import Trial, run_trial
-from tstar_rl.chaining.turn_updates import TurnUpdates
+from tstar_rl.chaining.turn_starts import TurnStarts
 from tstar_rl.env.layout import NUM_PHASES, PARTS
 
 __all__ = ["Seam", "Turn", "chain_turns"]
 
 
-class Turn(TurnUpdates):
-    """The training of one skill of the chain for some rollouts; what it learns with is in `TurnUpdates`."""
+class Turn(TurnStarts):
+    """The training of one skill of the chain for some rollouts.
+
+    What it learns with is in `TurnUpdates`, what it can do about its starts in `TurnStarts`.
+    """
 
     def __init__(self, chain: ChainTraining, index: int, seed: int) -> None:
         super().__init__(chain, index, seed)
