@@ -25,6 +25,7 @@ def said(*rows: dict, pairs=(("a", "b"),), seeds=10, **rule) -> str:
         (compared(), "yes"),
         (compared(seeds=9), "measured so far: 9 of 10 seeds"),
         (compared("a", "c"), "measured so far: 0 of 10 seeds"),
+        (compared(difference=0.03, half=0.01), "yes, by less than 0.05"),
         (compared(difference=0.01, half=0.02), "no: a gain of 0.05 is ruled out"),
         (compared(difference=-0.01, half=0.02), "no: a gain of 0.05 is ruled out"),
         (compared(difference=-0.1, half=0.02), "no: it is lower"),

@@ -24,7 +24,7 @@ class Question:
         asks: in words.
         pairs: (first, second); the answer is yes if the first is higher in every pair, in every interval.
         seeds: that were declared; with fewer there is no answer yet.
-        margin: the answer is no if both intervals of every pair lie below it; None: there is no such answer.
+        margin: the answer is no if both intervals of every pair lie below it, and a yes says so; None: no such answer.
         improvement: the answer is yes only if in every pair the probability of improvement is at least this, and the
             p-value, corrected for the family, below .05. None: the intervals decide.
         tasks: of which it is asked; none named: all.
@@ -55,18 +55,24 @@ def answer(question: Question, found: pd.DataFrame) -> str:
     if question.improvement is not None:
         sure = (rows["improvement"] >= question.improvement) & (rows["corrected"] < 0.05)
         return "yes" if (sure & (rows["difference"] > 0)).all() else "not shown"
+    below = question.margin is not None and _below(rows, question.margin)
     if (rows["verdict"] == "higher").all():
-        return "yes"
+        return f"yes, by less than {question.margin:g}" if below else "yes"
     if (rows["verdict"] == "lower").all():
         return "no: it is lower"
     if question.margin is None:
         return "not shown"
-    if ((rows["high"] < question.margin) & (rows["difference"] + rows["t_half"] < question.margin)).all():
+    if below:
         return f"no: a gain of {question.margin:g} is ruled out"
     if measured < FEWEST_SEEDS:
         return "not decided"
     needed = [seeds_to_decide(*one, question.margin, measured) for one in zip(*_spread(rows), strict=True)]
     return f"not decided; {max(needed)} seeds probably would" if all(needed) else "not decided"
+
+
+def _below(rows: pd.DataFrame, margin: float) -> bool:
+    """Whether both intervals of every difference lie below a margin."""
+    return bool(((rows["high"] < margin) & (rows["difference"] + rows["t_half"] < margin)).all())
 
 
 def _spread(rows: pd.DataFrame) -> tuple[list[float], list[float]]:
