@@ -10,6 +10,8 @@ import time
 from pathlib import Path
 
 import pytest
+from hydra._internal.hydra import Hydra
+from hydra.types import RunMode
 
 from tstar_rl.config.command_line import FULL_ERROR, HINT
 
@@ -88,6 +90,9 @@ def call(monkeypatch, tmp_path):
     """Calls a recipe in this process with a command line, from an empty folder; returns its module."""
     monkeypatch.delenv(FULL_ERROR, raising=False)
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(
+        Hydra, "get_mode", lambda *_, **__: RunMode.RUN
+    )  # for which it composes the config once more
 
     def run(name: str, *values: str, module=None):
         monkeypatch.setattr(sys, "argv", [f"{name}.py", "progress_bar=false", *values])
