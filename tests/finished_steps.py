@@ -1,11 +1,13 @@
 """What the steps of a pipeline leave behind, without running them."""
 
+import functools
 import os
 from collections.abc import Sequence
 from pathlib import Path
 
 import pandas as pd
 import yaml
+from omegaconf import DictConfig
 from recorded import leave_demonstrations
 
 from tstar_rl.config.values import plain
@@ -17,6 +19,14 @@ SUBTASKS = 4
 
 def places(folder: Path) -> list[str]:
     return [f"{name}_dir={folder / name}" for name in ("results", "runs", "demonstrations")]
+
+
+def composed(step: tuple[str, ...], shared: Sequence[str] = ()) -> DictConfig:
+    """As `step_config`, once for all tests of a process: it takes most of the time of those that fake what steps do."""
+    return _composed(tuple(step), tuple(shared))
+
+
+_composed = functools.cache(steps.step_config)
 
 
 def finish(

@@ -1,14 +1,11 @@
 """Recipes that start others leave out what is done."""
 
-import functools
-
 import pytest
-from finished_steps import SUBTASKS, finish, places
+from finished_steps import SUBTASKS, composed, finish, places
 from recipe_runs import load_recipe
 
 from tstar_rl.launch import bonus, overrides, steps
 from tstar_rl.launch.overrides import passed_on
-from tstar_rl.launch.steps import step_config
 
 
 def test_a_recipe_passes_on_what_is_not_its_own(monkeypatch):
@@ -29,9 +26,7 @@ def test_a_recipe_passes_on_what_is_not_its_own(monkeypatch):
 @pytest.fixture
 def pipeline(call, monkeypatch, tmp_path):
     """Calls a recipe that starts recipes; returns the steps that it runs, each of which leaves its files behind."""
-
-    composed = functools.cache(step_config)  # most of the time goes into this
-    monkeypatch.setattr(steps, "step_config", lambda step, shared=(): composed(step, tuple(shared)))
+    monkeypatch.setattr(steps, "step_config", composed)
 
     def run(name: str, *values: str) -> list[tuple[str, ...]]:
         taken, module = [], load_recipe(name)

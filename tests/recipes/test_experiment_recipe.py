@@ -7,8 +7,10 @@ from pathlib import Path
 
 import pytest
 import yaml
+from finished_steps import composed
 from hydra.core.global_hydra import GlobalHydra
 
+from tstar_rl.launch import steps, time_limit
 from tstar_rl.launch.side_by_side import Step
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -25,7 +27,8 @@ def queue(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(ROOT / "recipes")
     import experiment
 
-    from tstar_rl.launch import time_limit
+    for module in (experiment, steps):
+        monkeypatch.setattr(module, "step_config", composed)
 
     def code_of(commit: str, folder: Path) -> Path:
         """A folder that has its name and our configs."""
