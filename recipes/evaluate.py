@@ -6,7 +6,6 @@ python recipes/evaluate.py path=runs/table_lack/tstar/seed1/last   # system, see
 python recipes/evaluate.py pretrained=table_lack               # a trained chain that comes with the package
 """
 
-import json
 import math
 from collections.abc import Iterable, Mapping
 from functools import partial
@@ -20,27 +19,22 @@ from tensordict import TensorDictBase
 from torch import nn
 from tqdm import tqdm
 
-from tstar_rl.chaining.chain import chain_folders
 from tstar_rl.chaining.recovery import RecoveringChain
-from tstar_rl.checks import InvalidValueError, MissingFileError
 from tstar_rl.config.build import environment, load_skill
 from tstar_rl.config.chain import check_links
 from tstar_rl.config.load import recipe
 from tstar_rl.config.pretrained import check_same_chain, take_pretrained
 from tstar_rl.config.recovery import chain_policy
 from tstar_rl.config.values import plain
+from tstar_rl.launch.asked_checkpoints import SPENT, Found, find_checkpoints, spent_on
 from tstar_rl.launch.evaluations import check_evaluation
 from tstar_rl.launch.run_folders import begun_with, ended_since, evaluated_runs, run_folder
 from tstar_rl.rollouts.episodes import evaluate, same_policy
 from tstar_rl.rollouts.recorder import Recorder
-from tstar_rl.runs.checkpoint import is_checkpoint
 from tstar_rl.runs.csv_tables import append_rows
 from tstar_rl.runs.run_config import note_evaluation
-from tstar_rl.runs.run_folder import FINISHED, is_untrained, made_by, read_run_path, run_path
 from tstar_rl.seeds import evaluation_seed
 from tstar_rl.shipped.chain import ShippedChain
-
-SPENT = ("env_steps", "minutes")
 
 
 class Candidate(NamedTuple):
@@ -50,13 +44,6 @@ class Candidate(NamedTuple):
     subtask: int | None
     links: int | None
     spent: Mapping[str, float]
-
-
-class Found(NamedTuple):
-    """Where the skills of a checkpoint lie, in order, and whether they are a chain: one of one skill is one, too."""
-
-    folders: list[Path]
-    chain: bool
 
 
 @recipe(
@@ -120,7 +107,7 @@ def _candidates(config: DictConfig, given: Iterable[str]) -> tuple[Path, dict[st
         one = Candidate(chain.to(config.device), None, len(chain.policies), spent)
         check_same_chain(results := run_folder(config, "results_dir"), config)
         return results, {chain.record["checkpoint"]: one}
-    results, checkpoints = _places(config, given)
+    results, checkpoints = find_checkpoints(config, given)
     skills, _ = begun_with(results, config)
     return results, {name: _trained(config, skills, found) for name, found in checkpoints.items()}
 
@@ -128,105 +115,12 @@ def _candidates(config: DictConfig, given: Iterable[str]) -> tuple[Path, dict[st
 def _trained(config: DictConfig, begun_with: str, found: Found) -> Candidate:
     """One skill, or a chain."""
     skills = [load_skill(folder, task=config.task.name) for folder in found.folders]
-    spent = _spent(config, begun_with, found)
+    spent = spent_on(config, begun_with, found)
     if not found.chain:
         return Candidate(skills[0].policy.to(config.device), skills[0].subtask, None, spent)
     check_links(config, len(skills))
     policy = chain_policy(config, skills, found.folders).to(config.device)
     return Candidate(policy, None, len(skills), spent)
-
-
-def _places(config: DictConfig, given: Iterable[str]) -> tuple[Path, dict[str, Found]]:
-    """The folder of the table, and what each checkpoint found is.
-
-    Args:
-        config: its system, seed and subtask become those of config.path, where that is a run's.
-        given: the values of the command line.
-    """
-    after = _take_from_path(config, given)
-    results, names, chained = run_folder(config, "results_dir"), list(config.checkpoints), False
-    if after is None or after.parts:  # a checkpoint, not a run
-        path = Path(config.path)
-        _check_checkpoints(config, given)
-        homes, names = [path.parent], [path.name]
-        results = path.parent if after is None else results / after.parent
-    else:
-        homes, chained = evaluated_runs(config), is_untrained(config.system)
-    found = {name: _found([home / name for home in homes], chained) for name in names}
-    complete = {name: one for name, one in found.items() if one is not None}
-    if not complete:
-        places = " or ".join(str(homes[0] / name) for name in names)
-        raise MissingFileError(f"no skill and no chain at {places}{made_by(homes[0])}")
-    return results, complete
-
-
-def _found(places: list[Path], chained: bool) -> Found | None:
-    """What is saved there: one skill each, `chained` as they are or one alone, or a chain; None: not all is there."""
-    if all(map(is_checkpoint, places)):
-        return Found(places, chained)
-    folders = chain_folders(places[0]) if len(places) == 1 else []
-    return Found(folders, True) if folders else None
-
-
-def _keys(given: Iterable[str]) -> set[str]:
-    """The keys of values of the command line."""
-    return {value.lstrip("+~").split("=")[0] for value in given}
-
-
-def _check_checkpoints(config: DictConfig, given: Iterable[str]) -> None:
-    """Raises InvalidValueError if other checkpoints are asked for than the one that config.path is."""
-    name = Path(config.path).name
-    if "checkpoints" in _keys(given) and list(config.checkpoints) != [name]:
-        raise InvalidValueError(
-            f"path={config.path} is one checkpoint: leave out checkpoints, got {list(config.checkpoints)}; or give the "
-            "folder of the run as the path"
-        )
-
-
-def _take_from_path(config: DictConfig, given: Iterable[str]) -> Path | None:
-    """Sets system, seed and subtask to those of the run that config.path is of; returns what follows the run's folder.
-
-    That is nothing for the run itself, also where no path is asked for. None: the path is of no run.
-
-    Raises:
-        ValueError: if the run is of another task, or is not what the command line asks for.
-    """
-    if config.path is None:
-        return Path()
-    path = Path(config.path).resolve()
-    roots = [Path(config[name]).resolve() for name in ("results_dir", "runs_dir")]
-    around = [root for root in roots if path.is_relative_to(root)]
-    if not around:
-        return None
-    root = max(around, key=lambda one: len(one.parts))  # one of them may lie in the other
-    place, after = read_run_path(path.relative_to(root))
-    names = _keys(given) & {"system", "seed", "subtask"}
-    asked = {"task": config.task.name, **{name: config[name] for name in sorted(names)}}
-    for name, value in asked.items():
-        found = getattr(place, name)
-        if value != found:
-            raise InvalidValueError(
-                f"path={config.path} is of {name}={found}, but {name}={value} is asked for"
-            )
-    config.system, config.seed, config.subtask = place.system, place.seed, place.subtask
-    return after
-
-
-def _spent(config: DictConfig, begun_with: str, found: Found) -> dict[str, float]:
-    """Environment steps and minutes that went into the skills, training and fine-tuning together.
-
-    They are nan where a run has not ended. The best checkpoint cost what the last one did: its whole run was needed to
-    tell that it is the best.
-    """
-    runs = {folder.parents[1 if folder.name.startswith("skill") else 0] for folder in found.folders}
-    if found.chain:
-        task, seed = config.task.name, config.seed
-        runs |= {run_path(config.runs_dir, task, begun_with, seed, i) for i in range(len(found.folders))}
-    files = [run / FINISHED for run in runs]
-    if not all(file.is_file() for file in files):
-        return dict.fromkeys(SPENT, math.nan)
-    spent = [json.loads(file.read_text()) for file in files]
-    return {name: sum(one[name] for one in spent) for name in SPENT}
 
 
 if __name__ == "__main__":

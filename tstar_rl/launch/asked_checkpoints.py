@@ -1,0 +1,124 @@
+"""Which checkpoints an evaluation is asked for by its command line, where they lie, and what their training took."""
+
+import json
+import math
+from collections.abc import Iterable
+from pathlib import Path
+from typing import NamedTuple
+
+from omegaconf import DictConfig
+
+from tstar_rl.chaining.chain import chain_folders
+from tstar_rl.checks import InvalidValueError, MissingFileError
+from tstar_rl.launch.run_folders import evaluated_runs, run_folder
+from tstar_rl.runs.checkpoint import is_checkpoint
+from tstar_rl.runs.run_folder import FINISHED, is_untrained, made_by, read_run_path, run_path
+
+__all__ = ["SPENT", "Found", "find_checkpoints", "spent_on"]
+
+SPENT = ("env_steps", "minutes")
+"""What a training takes."""
+
+
+class Found(NamedTuple):
+    """Where the skills of a checkpoint lie, in order, and whether they are a chain: one of one skill is one, too."""
+
+    folders: list[Path]
+    chain: bool
+
+
+def find_checkpoints(config: DictConfig, given: Iterable[str]) -> tuple[Path, dict[str, Found]]:
+    """The folder of the table, and what each checkpoint found is.
+
+    Args:
+        config: its system, seed and subtask become those of config.path, where that is a run's.
+        given: the values of the command line.
+
+    Raises:
+        MissingFileError: nothing is saved there.
+        InvalidValueError: the path is of another run, or another checkpoint, than the command line asks for.
+    """
+    after = _take_from_path(config, given)
+    results, names, chained = run_folder(config, "results_dir"), list(config.checkpoints), False
+    if after is None or after.parts:  # a checkpoint, not a run
+        path = Path(config.path)
+        _check_checkpoints(config, given)
+        homes, names = [path.parent], [path.name]
+        results = path.parent if after is None else results / after.parent
+    else:
+        homes, chained = evaluated_runs(config), is_untrained(config.system)
+    found = {name: _found([home / name for home in homes], chained) for name in names}
+    complete = {name: one for name, one in found.items() if one is not None}
+    if not complete:
+        places = " or ".join(str(homes[0] / name) for name in names)
+        raise MissingFileError(f"no skill and no chain at {places}{made_by(homes[0])}")
+    return results, complete
+
+
+def spent_on(config: DictConfig, begun_with: str, found: Found) -> dict[str, float]:
+    """Environment steps and minutes that went into the skills, training and fine-tuning together.
+
+    They are nan where a run has not ended. The best checkpoint cost what the last one did: its whole run was needed to
+    tell that it is the best.
+    """
+    runs = {folder.parents[1 if folder.name.startswith("skill") else 0] for folder in found.folders}
+    if found.chain:
+        task, seed = config.task.name, config.seed
+        runs |= {run_path(config.runs_dir, task, begun_with, seed, i) for i in range(len(found.folders))}
+    files = [run / FINISHED for run in runs]
+    if not all(file.is_file() for file in files):
+        return dict.fromkeys(SPENT, math.nan)
+    spent = [json.loads(file.read_text()) for file in files]
+    return {name: sum(one[name] for one in spent) for name in SPENT}
+
+
+def _found(places: list[Path], chained: bool) -> Found | None:
+    """What is saved there: one skill each, `chained` as they are or one alone, or a chain; None: not all is there."""
+    if all(map(is_checkpoint, places)):
+        return Found(places, chained)
+    folders = chain_folders(places[0]) if len(places) == 1 else []
+    return Found(folders, True) if folders else None
+
+
+def _take_from_path(config: DictConfig, given: Iterable[str]) -> Path | None:
+    """Sets system, seed and subtask to those of the run that config.path is of; returns what follows the run's folder.
+
+    That is nothing for the run itself, also where no path is asked for. None: the path is of no run.
+
+    Raises:
+        InvalidValueError: if the run is of another task, or is not what the command line asks for.
+    """
+    if config.path is None:
+        return Path()
+    path = Path(config.path).resolve()
+    roots = [Path(config[name]).resolve() for name in ("results_dir", "runs_dir")]
+    around = [root for root in roots if path.is_relative_to(root)]
+    if not around:
+        return None
+    root = max(around, key=lambda one: len(one.parts))  # one of them may lie in the other
+    place, after = read_run_path(path.relative_to(root))
+    names = _keys(given) & {"system", "seed", "subtask"}
+    asked = {"task": config.task.name, **{name: config[name] for name in sorted(names)}}
+    for name, value in asked.items():
+        found = getattr(place, name)
+        if value != found:
+            raise InvalidValueError(
+                f"path={config.path} is of {name}={found}, but {name}={value} is asked for"
+            )
+    config.system, config.seed, config.subtask = place.system, place.seed, place.subtask
+    return after
+
+
+def _check_checkpoints(config: DictConfig, given: Iterable[str]) -> None:
+    """Raises InvalidValueError if other checkpoints are asked for than the one that config.path is."""
+    name = Path(config.path).name
+    if "checkpoints" in _keys(given) and list(config.checkpoints) != [name]:
+        raise InvalidValueError(
+            f"path={config.path} is one checkpoint: leave out checkpoints, got {list(config.checkpoints)}; or give the "
+            "folder of the run as the path"
+        )
+
+
+def _keys(given: Iterable[str]) -> set[str]:
+    """The keys of values of the command line."""
+    return {value.lstrip("+~").split("=")[0] for value in given}
