@@ -17,12 +17,7 @@ def passed_on(own: Container[str]) -> list[str]:
             that are started start none.
     """
     given = HydraConfig.get().overrides.task
-    sections = [re.split(r"[.=]", value.lstrip("+~"), maxsplit=1)[0] for value in given]
-    return [
-        value
-        for section, value in zip(sections, given, strict=True)
-        if section not in own and section != "launch"
-    ]
+    return [value for value in given if _section(value) not in own and _section(value) != "launch"]
 
 
 def chosen_scale() -> str:
@@ -37,6 +32,9 @@ def known_to(config: Mapping[str, Any], overrides: Iterable[str]) -> tuple[str, 
         config: of the other recipe, as of an evaluation, which has no value of its own for every training's.
         overrides: as on the command line: `chain.rounds=2`, `+env.snap=true`, `sigma=0.1`.
     """
-    return tuple(
-        each for each in overrides if each.lstrip("+~").partition("=")[0].partition(".")[0] in config
-    )
+    return tuple(each for each in overrides if _section(each) in config)
+
+
+def _section(value: str) -> str:
+    """The section that a value of the command line is of, or its key where it is of none."""
+    return re.split(r"[.=]", value.lstrip("+~"), maxsplit=1)[0]
