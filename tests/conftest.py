@@ -9,7 +9,12 @@ from tensordict import TensorDict
 from torchrl.data import Bounded, Categorical, Composite, Unbounded
 from torchrl.envs import EnvBase
 
-pytest_plugins = ["chain_runs", "chair_file", "point_chain", "recipe_runs"]
+pytest_plugins = [
+    "recipe_runs",
+    "chain_runs",
+    "chair_file",
+    "point_runs",
+]  # recipe_runs before those that import it
 
 torch.set_num_threads(1)  # the tests' networks are small: more threads wait for each other
 

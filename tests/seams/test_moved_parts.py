@@ -6,7 +6,7 @@ import runpy
 import pandas as pd
 import torch
 from hydra import compose, initialize_config_dir
-from point_chain import ROOT
+from recipe_runs import ROOT
 from tensordict import TensorDict
 
 from tstar_rl.config.values import CONFIGS

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 import torch
 from hydra import compose, initialize_config_dir
-from point_chain import ROOT
+from recipe_runs import ROOT
 from tensordict import TensorDict
 
 from tstar_envs.robots import sawyer
