@@ -36,6 +36,8 @@ STEPS = (
 """Our recipes that start no other."""
 LEARN_FROM_KEPT = ("feasibility", "hand_over_value", "scar_like", "tstar")
 """Recipes whose signal learns from the rows that chain.kept_states keeps."""
+LEARN_FROM_PATHS = ("proximity", "refitted")
+"""Recipes that read the states on the way, of which chain.path_steps keeps the last."""
 PAPERS = {"score": "terminal", "baseline": "none"}
 """Of terminal_reward: the paper's, which every scale has."""
 CHAINED = "chain.links takes the first skills of a chain"
@@ -74,10 +76,11 @@ def check_what_is_not_read(values: Mapping[str, Any], name: str) -> None:
     _check_rewards(values, name)
     if name in FINE_TUNING:
         _check_chain(values, name)
-    if name in (*FINE_TUNING, "floored", "recover") and name != "proximity" and values["chain"]["path_steps"]:
+    no_path = name in (*FINE_TUNING, "floored", "recover") and name not in LEARN_FROM_PATHS
+    if no_path and values["chain"]["path_steps"]:
         raise ConfigError(
-            f"chain.path_steps must be 0 for {name}, got {values['chain']['path_steps']}: proximity and refitted alone "
-            "learn from paths"
+            f"chain.path_steps must be 0 for {name}, got {values['chain']['path_steps']}: "
+            f"{' and '.join(LEARN_FROM_PATHS)} alone learn from paths"
         )
 
 
