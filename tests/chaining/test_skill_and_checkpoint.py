@@ -4,14 +4,17 @@ import shutil
 
 import pytest
 import torch
+from spirl_agent import make_agent
 from tensordict import TensorDict
 from torchrl.envs import ExplorationType, set_exploration_type
 
 from tstar_rl.chaining.chain import ChainPolicy, chain_folders, load_chain, save_chain
 from tstar_rl.chaining.skill import NetworkSettings, Skill
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.runs import checkpoint
 from tstar_rl.runs.checkpoint import DamagedCheckpointError
 from tstar_rl.runs.mismatch import CheckpointMismatchError, differences
+from tstar_rl.spirl import SpirlAgent
 
 SMALL = NetworkSettings(hidden=(16,), std="fixed", discriminator_hidden=(16,))
 
@@ -110,6 +113,40 @@ def test_a_skill_of_another_chain_or_place_is_refused_by_its_name(chain, tmp_pat
 def test_a_shorter_chain_takes_the_place_of_a_longer_one(chain):
     save_chain([Skill("table_lack", index, SMALL) for index in range(2)], chain)
     assert [folder.name for folder in chain_folders(chain)] == ["skill0", "skill1"]
+
+
+def test_a_chain_stays_as_it_was_where_a_kill_comes_between_two_skills(chain, monkeypatch):
+    before = [skill.network_state()["policy"] for skill in load_chain(chain)]
+    save = Skill.save
+
+    def killed(skill, path, **record):
+        if skill.subtask == 1:
+            raise KeyboardInterrupt
+        save(skill, path, **record)
+
+    monkeypatch.setattr(Skill, "save", killed)
+    with pytest.raises(KeyboardInterrupt):
+        save_chain([Skill("table_lack", index, SMALL) for index in range(3)], chain)
+    for skill, policy in zip(load_chain(chain), before, strict=True):
+        for name, value in skill.network_state()["policy"].items():
+            assert torch.equal(value, policy[name])
+    assert [folder.name for folder in chain.parent.iterdir()] == [chain.name]
+
+
+def test_a_skill_and_an_agent_of_spirl_are_not_taken_for_each_other(tmp_path):
+    agent = make_agent()
+    agent.save(tmp_path / "agent")
+    Skill("table_lack", 0, SMALL).save(tmp_path / "skill")
+    with pytest.raises(
+        InvalidValueError, match="agent is an agent of SPiRL: a chain is made of skills of bc, ppo"
+    ):
+        Skill.load(tmp_path / "agent")
+    with pytest.raises(
+        InvalidValueError, match="skill is no agent of SPiRL, which spirl.py trains: it is a skill"
+    ):
+        SpirlAgent.load(tmp_path / "skill")
+    with pytest.raises(InvalidValueError, match=r"as load_chain\(path\) gives them; got SpirlAgent, Skill$"):
+        ChainPolicy([agent, Skill("table_lack", 1, SMALL)])
 
 
 def test_skills_that_say_nothing_of_a_chain_are_taken_as_they_stand(tmp_path):

@@ -223,3 +223,25 @@ def test_a_turn_explores_as_the_schedule_ends(point_chain, monkeypatch):
     monkeypatch.setattr(Turn, "log", note)
     point_chain("tstar", *SHORT, "chain.links=2", "exploration={arm: [0.5, 0.25], hand: [0.3, 0.3]}")
     assert used == {0.25}
+
+
+def test_a_recipe_that_leaves_a_turn_before_its_end_is_told(point_chain, monkeypatch):
+    """Its last rollouts would be missing from the log, and the gate would keep it without a trial."""
+    rollouts = Turn.rollouts
+
+    def left(turn):
+        yield next(rollouts(turn))
+
+    monkeypatch.setattr(Turn, "rollouts", left)
+    with pytest.raises(RuntimeError, match="turn 0, of skill 0, was left before its end"):
+        point_chain("policy_sequencing", "chain.steps_per_turn=512")
+
+
+def test_a_signal_that_reads_a_network_which_nothing_trains_is_told(point_chain, monkeypatch, capsys):
+    once_learned = Turn.once_learned
+    point_chain("tstar", *SHORT, "chain.links=2")
+    assert "asked for as a signal" not in capsys.readouterr().out
+    monkeypatch.setattr(Turn, "once_learned", lambda turn, name, skill: once_learned(turn, "d_omgea", skill))
+    point_chain("tstar", *SHORT, "chain.links=2", "system=misspelled")
+    told = "1/d_omgea: this network was asked for as a signal, and no turn that was kept has trained it: it paid 0"
+    assert told in capsys.readouterr().out

@@ -131,6 +131,17 @@ MISTAKES = [
         ["chain.starts={environment: 1.0, gaussian: 0.0, buffer: 0.0}"],
         "chain.kept_states must be all for tstar where chain.starts has no chained starts, got chained",
     ),
+    (
+        "tstar",
+        ["~chain.starts.gaussian", "~chain.starts.buffer", "chain.starts.environment=1.0"],
+        "chain.kept_states must be all for tstar where chain.starts has no chained starts, got chained",
+    ),
+    (
+        "feasibility",
+        ["hard_starts=0.5", "~chain.starts.buffer", "chain.starts={environment: 0.2, gaussian: 0.8}"],
+        "hard_starts is a share of the starts from the buffer, and chain.starts has none; got 0.5",
+    ),
+    ("tstar", ["+ppo.compile=max_autotune"], "ppo.compile must be one of default, reduce-.*; got 'max_autotune'"),
     ("tstar", ["chain.path_steps=8"], "chain.path_steps must be 0 for tstar, got 8: proximity and refitted alone"),
     ("recover", ["chain.path_steps=8"], "chain.path_steps must be 0 for recover, got 8"),
     ("feasibility", ["hard_starts=0.5", "collection.backend=ray"], "hard_starts needs collection.backend=local"),

@@ -1,7 +1,6 @@
 """Skills one after another: the policy that runs them, and the folder that they are kept in."""
 
 import re
-import shutil
 import uuid
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,9 +12,10 @@ from tensordict.nn import TensorDictModuleBase
 from torch import nn
 
 from tstar_rl.chaining.skill import Skill
-from tstar_rl.checks import MissingFileError
+from tstar_rl.checks import InvalidValueError, MissingFileError
 from tstar_rl.runs.checkpoint import is_checkpoint, read_record
 from tstar_rl.runs.checksums import DamagedCheckpointError
+from tstar_rl.runs.files import replacing_folder
 from tstar_rl.runs.run_folder import made_by
 
 __all__ = ["ChainPolicy", "chain_folders", "load_chain", "save_chain"]
@@ -31,16 +31,18 @@ class ChainPolicy(TensorDictModuleBase):
         skills: in the order of the subtasks.
 
     Raises:
-        ValueError: if there are none, or one stands in another's place.
+        InvalidValueError: if there are none, or one stands in another's place.
     """
 
     def __init__(self, skills: Sequence[Skill]) -> None:
         super().__init__()
         if isinstance(skills, (str, Path)) or not all(isinstance(skill, Skill) for skill in skills):
-            raise ValueError(f"a chain is made of skills, as load_chain(path) gives them; got {skills!r}")
+            path = isinstance(skills, (str, Path))
+            got = repr(skills) if path else ", ".join(type(skill).__name__ for skill in skills)
+            raise InvalidValueError(f"a chain is made of skills, as load_chain(path) gives them; got {got}")
         order = [skill.subtask for skill in skills]
         if not order or order != list(range(len(order))):
-            raise ValueError(f"a chain needs the skills of subtasks 0, 1, ... in order; got {order}")
+            raise InvalidValueError(f"a chain needs the skills of subtasks 0, 1, ... in order; got {order}")
         self.in_keys, self.out_keys = ["observation", "subtask"], ["action"]
         self.policies = nn.ModuleList(skill.policy for skill in skills)
         self._piece, self._width = skills[0].task, skills[0].obs_dim
@@ -73,14 +75,13 @@ class ChainPolicy(TensorDictModuleBase):
 def save_chain(skills: Sequence[Skill], path: Path, **record: Any) -> None:
     """Writes every skill of a chain to <path>/skill<i>, each with the record.
 
-    Each also records which chain it is of and how many skills that has, so that none can be lost unnoticed.
+    They take the place of what was at `path` together: a kill leaves the old chain or the new one. Each also records
+    which chain it is of and how many skills that has, so that none can be lost unnoticed.
     """
     whole = {"id": uuid.uuid4().hex, "skills": len(skills)}
-    for index, skill in enumerate(skills):
-        skill.save(path / f"skill{index}", **record, chain=whole)
-    for index, folder in _skills_at(path).items():
-        if index >= len(skills):  # of a longer chain that was here before
-            shutil.rmtree(folder)
+    with replacing_folder(path) as stage:
+        for index, skill in enumerate(skills):
+            skill.save(stage / f"skill{index}", **record, chain=whole)
 
 
 def chain_folders(path: Path) -> list[Path]:

@@ -66,6 +66,7 @@ class ChainTraining:
         save: writes the chain under a name, at a number of steps.
         turn_order: says whose turn it is.
         learned: networks of scores that a turn has trained and that were not put back, as "<index>/<name>".
+        asked: those that a turn has asked for as what pays, once they have learned.
         seeding_steps: environment steps of the episodes before the first turn, which the first turn's row counts.
     """
 
@@ -80,6 +81,7 @@ class ChainTraining:
     save: Callable[[str, int], None] = lambda name, steps: None
     turn_order: TurnOrder = field(init=False)
     learned: set[str] = field(default_factory=set)
+    asked: set[str] = field(default_factory=set)
     seeding_steps: int = 0
     _kept: dict[int, dict[str, Any]] = field(default_factory=dict)
     _waiting: dict[str, Any] = field(default_factory=dict)

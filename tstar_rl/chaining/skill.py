@@ -7,7 +7,7 @@ from typing import Any
 import torch
 from torch import nn
 
-from tstar_rl.checks import check_choices, check_ranges, check_sizes
+from tstar_rl.checks import InvalidValueError, check_choices, check_ranges, check_sizes
 from tstar_rl.env.layout import observation_size
 from tstar_rl.models.networks import Discriminator, make_discriminator, make_policy, make_value
 from tstar_rl.models.normalizer import Normalizer, Standardizer
@@ -205,9 +205,15 @@ class Skill:
         Raises:
             FileNotFoundError: if there is none.
             CheckpointMismatchError: if what is `expected` (task=..., subtask=...) is not what it was saved with.
+            InvalidValueError: if an agent of SPiRL is saved there.
         """
         record = checkpoint.read_record(path, **expected)
         built = record["built"]
+        if "settings" not in built:
+            raise InvalidValueError(
+                f"{path} is an agent of SPiRL: a chain is made of skills of bc, ppo, gail or gail_ppo; SpirlAgent.load "
+                "reads it"
+            )
         skill = cls(
             record["task"],
             record["subtask"],

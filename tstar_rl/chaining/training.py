@@ -160,7 +160,10 @@ class SkillTraining(Training):
         self.updates: dict[str, Any] = {}
 
     def rollouts(self) -> Iterator[TensorDictBase]:
-        """Rollouts (N, T) until the run's steps are done; goes on from a checkpoint if there is one."""
+        """Rollouts (N, T) until the run's steps are done; goes on from a checkpoint if there is one.
+
+        A recipe that leaves the loop before leaves a run that has not ended, without its last skill.
+        """
         run, skill = self.run, self.skill
         self.steps = run.start(skill=skill, collection=self.collection, **self.updates)
         if self.steps == 0 and self.warm_start is not None:

@@ -85,6 +85,7 @@ class TurnUpdates(Training):
 
     def once_learned(self, name: str, skill: Skill) -> OnceLearned:
         """A skill's network as what pays: it says 0 of every state until this turn, or a kept one, has trained it."""
+        self.chain.asked.add(f"{skill.subtask}/{name}")
         return OnceLearned(skill.network(name), lambda: self.has_learned(name, skill))
 
     def has_learned(self, name: str, skill: Skill) -> bool:
@@ -147,7 +148,9 @@ class TurnUpdates(Training):
         return rollout[rollout["start_chained"].squeeze(-1)]
 
     def signal(self, name: str, signal: AnySignal, label: Label = "success") -> AnySignal:
-        """Notes that a signal pays this turn, so that it is judged at the end by a label; returns the signal.
+        """Notes that a signal pays this turn, so that a trial after it is judged by a label; returns the signal.
+
+        Without a gate there is a trial after every `chain.trial_every` turns alone.
 
         Raises:
             InvalidValueError: if it cannot be asked what it says of a state; see `Signal`.

@@ -36,9 +36,10 @@ class Turn(TurnStarts):
         super().__init__(chain, index, seed)
         self._before: dict[str, Any] = {}
         self._trained: dict[str, Any] = {}
+        self.ended = False
 
     def rollouts(self) -> Iterator[TensorDictBase]:
-        """The turn's rollouts (N, T); after the last one the gate judges what the turn has changed."""
+        """The turn's rollouts (N, T), all of which a recipe must take; after the last one the gate judges the turn."""
         run, rollouts = self.run, self.chain.rollouts
         if self.chain.gate.settings.rejects:
             self._before = self._state()
@@ -52,6 +53,7 @@ class Turn(TurnStarts):
             run.log(self.steps, skill=self.index, round=run.turn // len(self.chain.skills), **row)
             if run.best.improved:
                 self.chain.save("best", self.steps)
+        self.ended = True
 
     def _end(self) -> dict[str, float]:
         """Lets the gate judge; returns its columns. The first turn's trial_steps count the episodes before it, too."""
@@ -133,6 +135,9 @@ def chain_turns(chain: ChainTraining, **record: Any) -> Iterator[Turn]:
     Args:
         chain: what is trained, and how.
         **record: plain values that are saved with the best and the last chain.
+
+    Raises:
+        RuntimeError: if a recipe leaves a turn before its last rollout, which no trial has judged then.
     """
     run, skills = chain.run, chain.skills
 
@@ -146,10 +151,19 @@ def chain_turns(chain: ChainTraining, **record: Any) -> Iterator[Turn]:
     while run.turn < chain.settings.rounds * len(skills):
         index, seed = chain.turn_order.skill_of(run.turn), chain.workshop.turn_seed(run.turn)
         torch.manual_seed(seed)
-        yield Turn(chain, index, seed)
+        turn = Turn(chain, index, seed)
+        yield turn
+        if not turn.ended:
+            raise RuntimeError(
+                f"a recipe must take all of turn.rollouts(): turn {run.turn}, of skill {index}, was left before its end"
+            )
         chain.end_turn(index)
         run.turn += 1
         run.save_if_due(0)
     chain.close()
+    for place in sorted(chain.asked - chain.learned):
+        print(
+            f"{place}: this network was asked for as a signal, and no turn that was kept has trained it: it paid 0"
+        )
     save("last", run.env_steps)
     run.finish()

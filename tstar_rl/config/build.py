@@ -57,7 +57,8 @@ def environment(
     """The furniture environment of a config with the transforms of training.
 
     Args:
-        config: its sections task, env and chain.starts are read.
+        config: its sections task and env are read, nthread, device and physics, and chain.starts or
+            training.demonstration_starts, as below.
         subtask: 0-based; None is the whole task.
         num_envs: simulations N.
         seed: of start noise, and of the draws of starts.

@@ -129,13 +129,13 @@ def _check_chain(values: Mapping[str, Any], name: str) -> None:
     if (
         name in LEARN_FROM_KEPT
         and chain["kept_states"] == "chained"
-        and not starts["gaussian"] + starts["buffer"]
+        and not starts.get("gaussian", 0.0) + starts.get("buffer", 0.0)
     ):
         raise ConfigError(
             f"chain.kept_states must be all for {name} where chain.starts has no chained starts, got chained: what "
             "it learns from would never grow"
         )
-    if values.get("hard_starts") and not starts["buffer"]:
+    if values.get("hard_starts") and not starts.get("buffer"):
         raise ConfigError(
             "hard_starts is a share of the starts from the buffer, and chain.starts has none; got "
             f"{values['hard_starts']}"

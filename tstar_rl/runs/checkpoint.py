@@ -5,8 +5,6 @@ not as it was written is refused by the name of its file: see `checksums`.
 """
 
 import re
-import shutil
-import uuid
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -21,7 +19,7 @@ from torchrl.checkpoint import (
 
 from tstar_rl.checks import MissingFileError, UserError
 from tstar_rl.runs.checksums import SEAL, DamagedCheckpointError, read_seal, seal, verify
-from tstar_rl.runs.files import named_in_errors, replace_folder
+from tstar_rl.runs.files import named_in_errors, remove_remains, replacing_folder
 from tstar_rl.runs.mismatch import CheckpointMismatchError, differences
 from tstar_rl.runs.run_folder import made_by
 
@@ -57,15 +55,9 @@ class _SealedCheckpoint(Checkpoint):
 
     def save(self, path: str | Path, **options: Any) -> Path:
         destination = Path(path).expanduser().absolute()
-        _remove_remains(destination)
-        stage = destination.with_name(f".{destination.name}.new-{uuid.uuid4().hex}")
-        try:
-            with named_in_errors(destination):
-                super().save(stage, **options)
-                seal(stage)
-                replace_folder(stage, destination)
-        finally:
-            shutil.rmtree(stage, ignore_errors=True)
+        with named_in_errors(destination), replacing_folder(destination) as stage:
+            super().save(stage, **options)
+            seal(stage)
         return destination
 
 
@@ -82,7 +74,7 @@ def save_step(
 ) -> None:
     """Writes the checkpoint of a step below `directory`; the one before goes once the new one is complete."""
     rotation = CheckpointRotation(directory, keep_last=1)
-    _remove_remains(rotation.directory / rotation.prefix)
+    remove_remains(rotation.directory / rotation.prefix)
     rotation.save(_SealedCheckpoint(components), step=step, metadata=dict(record))
 
 
@@ -140,13 +132,6 @@ def load(path: str | Path, components: Mapping[str, Any], **expected: Any) -> di
     if read_seal(Path(path)) != files:
         raise DamagedCheckpointError(f"{path} was replaced while it was read: read it again")
     return record
-
-
-def _remove_remains(destination: Path) -> None:
-    """Removes what processes that were killed while they wrote here have left."""
-    for left in destination.parent.glob(f".*{destination.name}*"):
-        if re.fullmatch(rf"\.+{re.escape(destination.name)}(-\d+)?(\.[a-z]+-[0-9a-f]{{32}})+", left.name):
-            shutil.rmtree(left, ignore_errors=True)
 
 
 def to_plain(values: Mapping[str, Any] | None) -> dict[str, Any] | None:

@@ -4,13 +4,17 @@ import errno
 import fcntl
 import io
 import os
+import re
 import shutil
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-__all__ = ["append_text", "named_in_errors", "put_back", "replace_folder", "replacing", "turn_to_write"]
+__all__ = [
+    "append_text", "named_in_errors", "put_back", "remove_remains", "replace_folder", "replacing", "replacing_folder",
+    "turn_to_write",
+]  # fmt: skip
 
 
 @contextmanager
@@ -40,6 +44,25 @@ def replacing(path: Path) -> Iterator[Path]:
             os.replace(partial, path)
     finally:
         partial.unlink(missing_ok=True)
+
+
+@contextmanager
+def replacing_folder(path: Path) -> Iterator[Path]:
+    """Gives a folder to make: what is in it when the block ends replaces `path`. If the block fails, nothing does."""
+    remove_remains(path)
+    stage = path.with_name(f".{path.name}.new-{uuid.uuid4().hex}")
+    try:
+        yield stage
+        replace_folder(stage, path)
+    finally:
+        shutil.rmtree(stage, ignore_errors=True)
+
+
+def remove_remains(path: Path) -> None:
+    """Removes what processes that were killed while they replaced a folder have left beside it."""
+    for left in path.parent.glob(f".*{path.name}*"):
+        if re.fullmatch(rf"\.+{re.escape(path.name)}(-\d+)?(\.[a-z]+-[0-9a-f]{{32}})+", left.name):
+            shutil.rmtree(left, ignore_errors=True)
 
 
 def replace_folder(stage: Path, destination: Path) -> None:
@@ -87,11 +110,15 @@ def _open_at_end(path: Path) -> io.FileIO:
 
 @contextmanager
 def turn_to_write(folder: Path) -> Iterator[None]:
-    """Lets one process at a time through for a folder; the others wait. For a short read, change and write."""
+    """Lets one process at a time through for a folder; the others wait. For a short read, change and write.
+
+    Not every network file system has locks. Where there are none, of two that write a file at the same moment one may
+    lose what it wrote, or end with an error.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     handle = os.open(folder, os.O_RDONLY)
     try:
-        with suppress(OSError):  # not on every network file system: the file is still replaced at once
+        with suppress(OSError):
             fcntl.flock(handle, fcntl.LOCK_EX)
         yield
     finally:

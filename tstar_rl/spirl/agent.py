@@ -90,9 +90,14 @@ class SpirlAgent:
         Raises:
             FileNotFoundError: if there is none.
             CheckpointMismatchError: if a value in `expected` (task=..., subtask=...) is not the saved one.
+            InvalidValueError: if something else is saved there.
         """
         record = checkpoint.read_record(path, **expected)
         built = record["built"]
+        if "latent_model" not in built:
+            raise InvalidValueError(
+                f"{path} is no agent of SPiRL, which spirl.py trains: it is a skill, which Skill.load reads"
+            )
         agent = cls(
             record["task"],
             record["subtask"],

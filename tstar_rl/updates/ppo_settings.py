@@ -3,9 +3,12 @@
 import math
 from dataclasses import dataclass
 
-from tstar_rl.checks import check_ranges
+from tstar_rl.checks import check_choices, check_ranges
 
 __all__ = ["PPOSettings"]
+
+COMPILE_MODES = ("default", "reduce-overhead", "max-autotune", "max-autotune-no-cudagraphs")
+"""Of `torch.compile`."""
 
 
 @dataclass(frozen=True)
@@ -61,3 +64,5 @@ class PPOSettings:
             share=("gamma", "gae_lambda"),
             limit=("kl_stop",),
         )
+        if self.compile is not None:
+            check_choices(self, compile=COMPILE_MODES)
