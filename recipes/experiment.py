@@ -31,7 +31,7 @@ from tstar_rl.experiments.values import parse_experiment
 from tstar_rl.launch.backends import check_local
 from tstar_rl.launch.bonus import with_bonus, without_bonus
 from tstar_rl.launch.code_of_commit import code_of_commit, configs_of
-from tstar_rl.launch.overrides import passed_on
+from tstar_rl.launch.overrides import passed_on, section_of
 from tstar_rl.launch.side_by_side import Step, run_side_by_side
 from tstar_rl.launch.steps import check_step, is_done, step_config
 from tstar_rl.launch.time_limit import MORE, TimeIsOver, check_goes_on, deadline, run_until
@@ -54,7 +54,7 @@ def main(config: DictConfig) -> None:
         names = sorted(file.stem for file in (CONFIGS / "experiment").glob("*.yaml"))
         raise InvalidValueError(f"say which: experiment=<name>; there are {', '.join(names)}")
     check_local(config.launch, "experiment.py")
-    if one := [value for value in passed_on(OWN) if value.split("=")[0] in ("seed", "task")]:
+    if one := [value for value in passed_on(OWN) if section_of(value) in ("seed", "task")]:
         raise InvalidValueError(
             f"every lane has a seed and a task of its own: seeds=[...] tasks=[...], not {one[0]}"
         )

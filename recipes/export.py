@@ -38,6 +38,7 @@ from tstar_rl.runs.run_folder import read_run_path, run_path
 from tstar_rl.seeds import derive_seed
 
 FORMATS = ("hdf5", "minari")
+ALLOWED = r"[a-zA-Z0-9_-]+"
 
 
 @recipe(
@@ -57,6 +58,10 @@ def main(config: DictConfig) -> None:
         if name not in FORMATS:
             raise InvalidValueError(f"formats must be of {', '.join(FORMATS)}; got {name!r}")
     name = config.dataset or _name(config)
+    if re.fullmatch(ALLOWED, name) is None:
+        raise InvalidValueError(
+            f"dataset must be of letters, digits, - and _, as Minari's names are; got {name!r}"
+        )
     for recording in _recordings(config):
         part, task = part_name(recording.arguments["subtask"]), config.task.name
         won = len(recording.successes.episodes)
@@ -74,18 +79,20 @@ def main(config: DictConfig) -> None:
 
 
 def _name(config: DictConfig) -> str:
-    """Of the demonstrations: kind and seed, or imported and the file's name. Of a checkpoint: folders below the task's.
-
-    Minari takes letters, digits, - and _.
-    """
+    """Of demonstrations: kind and seed, or imported and the file's name. Of a checkpoint: folders below the task's."""
     if config.path is None and config.demonstrations.get("file") is not None:
         given = Path(config.demonstrations.file).resolve()
-        return "imported_" + re.sub(r"[^\w-]+", "_", given.name if given.is_dir() else given.stem)
+        return f"imported_{_allowed(given.name if given.is_dir() else given.stem)}"
     if config.path is None:
         return f"{config.demonstrations.kind}_seed{demonstrations_seed(config)}"
     parts = Path(config.path).resolve().parts
-    after = parts[parts.index(config.task.name) + 1 :] if config.task.name in parts else parts[-1:]
-    return "_".join(part for part in after if not part.startswith("subtask"))
+    below = len(parts) - parts[::-1].index(config.task.name) if config.task.name in parts else len(parts) - 1
+    return _allowed("_".join(part for part in parts[below:] if not part.startswith("subtask")))
+
+
+def _allowed(name: str) -> str:
+    """The name with each run of characters that Minari does not take as one _."""
+    return re.sub(r"[^a-zA-Z0-9_-]+", "_", name)
 
 
 def _recordings(config: DictConfig) -> Iterator[Recording]:

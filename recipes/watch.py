@@ -18,6 +18,7 @@ from omegaconf import DictConfig
 from tstar_rl.config.build import environment
 from tstar_rl.config.load import recipe
 from tstar_rl.config.pretrained import chain_env
+from tstar_rl.launch.overrides import section_of
 from tstar_rl.rollouts.watching import StepSignal, d_omega_signal, log_episodes, rows_to_show
 from tstar_rl.seeds import evaluation_seed
 from tstar_rl.shipped.catalogue import load_pretrained, pretrained
@@ -52,7 +53,7 @@ def main(config: DictConfig) -> None:
 
 def both_sides(config: DictConfig, given: Sequence[str]) -> list[Shown]:
     """What is shown, from left to right."""
-    asked = any(value.split("=")[0] == "variants" for value in given)
+    asked = any(section_of(value) == "variants" for value in given)
     shipped = set(config.variants or ()) <= set(pretrained().get(config.task.name, ()))
     if not (shipped or asked):
         print(f"{config.task.name} has no such trained chains: the scripted assembler is shown")

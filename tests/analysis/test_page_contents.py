@@ -55,6 +55,9 @@ def test_an_experiment_that_is_kept_back_is_not_on_the_page(published):
     contents(published, [{"folder": "odd", "kind": "experiment"}], kept_back=["plain", "odd"])
     with pytest.raises(ValueError, match="shows and keeps back odd"):
         read_contents(published)
+    entries = [{"folder": name, "kind": "experiment"} for name in ("odd", "plain")]
+    contents(published, entries, kept_back=None)  # as the file is once the last name is deleted
+    assert len(read_contents(published).experiments) == 2
 
 
 def test_every_arm_and_task_that_the_contents_name_is_published_or_declared():

@@ -1,6 +1,8 @@
 """An experiment on the page: its arms, comparisons, questions and turns."""
 
 import re
+import shutil
+from types import SimpleNamespace
 
 import pandas as pd
 import pytest
@@ -8,7 +10,10 @@ from published_runs import COMMIT, THEIRS, contents, write
 
 from tstar_rl.analysis import read_metrics, rise_figure
 from tstar_rl.analysis.page import draw_page, results_head, results_page, runs_page
+from tstar_rl.analysis.page.commits import commits
 from tstar_rl.analysis.page.contents import read_contents
+from tstar_rl.analysis.page.sections import hand_over
+from tstar_rl.runs.csv_tables import LogError
 
 
 def test_an_experiment_has_arms_comparisons_and_its_commit(published):
@@ -113,6 +118,15 @@ def test_the_turns_of_an_experiment_by_hand(published):
     drawn = draw_page(published, THEIRS, published / "figures")
     for name in ("odd_table_rise.png", "odd_table_costs.png"):
         assert name in page and published / "figures" / name in drawn
+    entries = [
+        {"folder": name, "kind": "experiment", "figure_arms": ["of_another_task"]}
+        for name in ("odd", "plain")
+    ]
+    shutil.rmtree(published / "figures")
+    contents(published, entries)
+    assert published / "figures" / "odd_table_costs.png" in draw_page(
+        published, THEIRS, published / "figures"
+    )
     (axes,) = rise_figure(read_metrics(published / "odd"), "table", {"tstar": "T-STAR"}).axes
     one, other, mean = (line.get_xydata().tolist() for line in axes.lines)
     assert one == other == mean == [[1, 0.5], [3, 0.75]]
@@ -181,3 +195,19 @@ def test_arms_of_several_commits_are_refused_unless_the_contents_say_so(publishe
     page = results_page(published, THEIRS, "")
     assert "The runs come from several commits:" in page
     assert "- ddddddd: `table`: `buffer` (seed 3)" in page and "`tstar` (seed 3, 4)" in page
+
+
+def test_the_skills_of_an_arm_stand_with_its_task():
+    runs = {
+        "c" * 40: ["table/tstar/seed3"],
+        "d" * 40: [f"table/wider/gail_ppo/seed{seed}" for seed in (3, 4)],
+    }
+    said = commits(SimpleNamespace(commits=lambda: runs))
+    assert "- ddddddd: `table`: `wider/gail_ppo` (seed 3, 4)\n" in said
+
+
+def test_a_table_that_was_cut_off_is_not_shown(tmp_path):
+    (tmp_path / "table").mkdir()
+    (tmp_path / "table/hand_over.csv").write_text("system,seed\ntstar,3\ntstar")
+    with pytest.raises(LogError, match="hand_over.csv is damaged"):
+        hand_over(tmp_path, "table", THEIRS, "")

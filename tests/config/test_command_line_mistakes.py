@@ -154,6 +154,8 @@ MISTAKES = [
     ("tstar", ["chain.logged_skill=4"], r"chain.logged_skill must be in 0..3 for table_lack, got 4"),
     ("in_order", ["skills=gail_ppo"], "skills must be clones, bc or bc_<...>, got gail_ppo: .* demonstrated_ends=0"),
     ("experiment", ["experiment=shelf", "launch=ray"], "experiment.py runs its recipes here: launch must be local"),
+    ("experiment", ["experiment=shelf", "++seed=5"], r"seeds=\[...\] tasks=\[...\], not \+\+seed=5"),
+    ("export", ["dataset='my set'"], "dataset must be of letters, digits, - and _, as Minari's .* got 'my set'"),
     ("experiment", ["experiment=shelf", "arms=[]"], "arms must name at least one, got none"),
     ("gpu_run", ["device=cpu", "scale=quick"], r"gpu_run.py takes scales=\[...\], .*; leave scale=... out"),
     ("moved_parts", ["from_metres=0"], "from_metres must be positive"),

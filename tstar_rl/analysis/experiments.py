@@ -25,6 +25,7 @@ from tstar_rl.analysis.tables import (
     short_commit,
 )
 from tstar_rl.analysis.task_statistics import improvement_over_tasks, interquartile_interval
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.runs.run_folder import is_untrained, run_path
 
 __all__ = [
@@ -82,11 +83,13 @@ class Experiment:
         return found
 
     def check_one_commit(self) -> None:
-        """Raises ValueError, with the runs of each commit, unless all come from one, with nothing changed."""
+        """Raises InvalidValueError, with the runs of each commit, unless all come from one, with nothing changed."""
         found = self.commits()
         if len(found) > 1 or not all(map(is_one_commit, found)):
             lines = "; ".join(f"{short_commit(commit)}: {', '.join(runs)}" for commit, runs in found.items())
-            raise ValueError(f"{self.root}: all runs of an experiment must come from one commit, got {lines}")
+            raise InvalidValueError(
+                f"{self.root}: all runs of an experiment must come from one commit, got {lines}"
+            )
 
 
 def read_experiment(root: str | Path, one_commit: bool = False) -> Experiment:
@@ -98,7 +101,7 @@ def read_experiment(root: str | Path, one_commit: bool = False) -> Experiment:
 
     Raises:
         FileNotFoundError: if neither an arm nor a skill has an evaluation.csv.
-        ValueError: see `Experiment.check_one_commit`.
+        InvalidValueError: see `Experiment.check_one_commit`.
     """
     found = read_evaluations(root)
     if found.empty:

@@ -144,7 +144,6 @@ class FurnitureEnv(EnvBase):
         if not (is_finite(noise) and noise >= 0):
             raise ValueError(f"noise of the expert must be a finite number from 0, got {short(noise)}")
         assembler = self.world.expert()
-        self.world.physics.forward()
 
         def act(tensordict: TensorDictBase) -> TensorDictBase:
             label = assembler.act(self.world.state).float()

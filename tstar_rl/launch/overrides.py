@@ -6,7 +6,7 @@ from typing import Any
 
 from hydra.core.hydra_config import HydraConfig
 
-__all__ = ["chosen_scale", "known_to", "passed_on"]
+__all__ = ["chosen_scale", "known_to", "passed_on", "section_of"]
 
 
 def passed_on(own: Container[str]) -> list[str]:
@@ -17,7 +17,7 @@ def passed_on(own: Container[str]) -> list[str]:
             that are started start none.
     """
     given = HydraConfig.get().overrides.task
-    return [value for value in given if _section(value) not in own and _section(value) != "launch"]
+    return [value for value in given if section_of(value) not in own and section_of(value) != "launch"]
 
 
 def chosen_scale() -> str:
@@ -32,9 +32,9 @@ def known_to(config: Mapping[str, Any], overrides: Iterable[str]) -> tuple[str, 
         config: of the other recipe, as of an evaluation, which has no value of its own for every training's.
         overrides: as on the command line: `chain.rounds=2`, `+env.snap=true`, `sigma=0.1`.
     """
-    return tuple(each for each in overrides if _section(each) in config)
+    return tuple(each for each in overrides if section_of(each) in config)
 
 
-def _section(value: str) -> str:
+def section_of(value: str) -> str:
     """The section that a value of the command line is of, or its key where it is of none."""
     return re.split(r"[.=]", value.lstrip("+~"), maxsplit=1)[0]

@@ -52,7 +52,9 @@ def load(name: str) -> Furniture:
 
 
 def digest(name: str) -> str:
-    """What the file of a piece says, comments aside, as 64 hexadecimal digits of SHA-256: another file, another digest.
+    """What the file of a piece says, as 64 hexadecimal digits of SHA-256: another file, another digest.
+
+    Comments are left aside, and so is the order of keys, even of the parts, which is their order in an observation.
 
     Raises:
         FurnitureError: as `load`.

@@ -46,7 +46,9 @@ class CpuPhysics:
 
     def joint_frames(self, count: int) -> tuple[Tensor, Tensor]:
         """World anchors and axes of the first `count` joints, (N, count, 3) each; for the scripted expert."""
-        return _shared(self.batch.bind("xanchor"))[:, :count], _shared(self.batch.bind("xaxis"))[:, :count]
+        anchors, axes = _shared(self.batch.bind("xanchor")), _shared(self.batch.bind("xaxis"))
+        self.forward()  # what is bound between two calls is zero until the next one
+        return anchors[:, :count], axes[:, :count]
 
     def sensor(self, name: str) -> Tensor:
         sensor = self.model.sensor(name)

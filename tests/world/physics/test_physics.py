@@ -167,3 +167,12 @@ def test_a_failed_simulation_restarts_from_a_snapshot_and_can_fail_again(tmp_pat
         world.reset_to(start, second)
         world.step(idle(world))
         assert not world.state["failed"].any() and world.failures == count
+
+
+def test_the_script_sees_the_arm_from_its_first_step_on():
+    world = make(2, subtask=0)
+    first = world.expert().act(world.state)
+    assert (first[:, :7].abs().sum(-1) > 0).all()
+    expert = world.expert()
+    world.physics.forward()
+    assert torch.equal(expert.act(world.state), first)

@@ -15,7 +15,8 @@ def commits(experiment: Experiment) -> str:
     for commit, runs in found.items():
         seeds: dict[str, dict[str, list[str]]] = {}
         for run in runs:
-            task, arm, seed = run.rsplit("/", 2)
+            task, rest = run.split("/", 1)
+            arm, seed = rest.rsplit("/", 1)  # an arm's own skills are those of <arm>/<recipe>
             seeds.setdefault(task, {}).setdefault(arm, []).append(seed.removeprefix("seed"))
         named = "; ".join(f"`{task}`: {_with_seeds(arms)}" for task, arms in seeds.items())
         parts.append(f"- {short_commit(commit)}: {named}\n")

@@ -12,6 +12,7 @@ from tstar_rl.analysis.page.headline import Headline, parse_headline
 from tstar_rl.analysis.page.markdown import Paper
 from tstar_rl.analysis.questions import Question
 from tstar_rl.analysis.task_questions import TaskQuestion
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.runs.run_folder import UNTRAINED
 
 __all__ = ["Contents", "Entry", "read_contents"]
@@ -94,8 +95,8 @@ def read_contents(root: str | Path) -> Contents:
 
     Raises:
         FileNotFoundError: if there is no such file, or an experiment's folder has no README.md.
-        ValueError: for an unknown field or value, for a folder of results that the file does not name or names both as
-            shown and as kept back, and what `parse_headline` raises.
+        InvalidValueError: for an unknown field or value, for a folder of results that the file does not name or names
+            both as shown and as kept back, and what `parse_headline` raises.
     """
     root = Path(root)
     file = root / FILE
@@ -104,12 +105,12 @@ def read_contents(root: str | Path) -> Contents:
     values = yaml.safe_load(file.read_text())
     entries = tuple(_entry(root, one) for one in values["experiments"])
     named = {entry.folder.name for entry in entries}
-    kept_back = set(values.get("kept_back", ()))
+    kept_back = set(values.get("kept_back") or ())
     if shown := named & kept_back:
-        raise ValueError(f"{file} shows and keeps back {', '.join(sorted(shown))}")
+        raise InvalidValueError(f"{file} shows and keeps back {', '.join(sorted(shown))}")
     left_out = {folder.name for folder in root.iterdir() if folder.is_dir()} - named - kept_back
     if left_out:
-        raise ValueError(f"{file} leaves out {', '.join(sorted(left_out))}")
+        raise InvalidValueError(f"{file} leaves out {', '.join(sorted(left_out))}")
     headline = parse_headline(root, values["headline"]) if "headline" in values else None
     return Contents(entries, headline)
 
@@ -119,7 +120,7 @@ def _entry(root: Path, one: dict) -> Entry:
     known = [field.name for field in fields(Entry)]
     unknown = [str(name) for name in one if name not in known]
     if unknown:
-        raise ValueError(
+        raise InvalidValueError(
             f"{root / FILE}: an experiment has no {', '.join(unknown)}; it has {', '.join(known)}"
         )
     pairs = _pairs(one.get("pairs", ()))
@@ -130,7 +131,9 @@ def _entry(root: Path, one: dict) -> Entry:
     for name, each in (("families", families), ("questions", [asked.pairs for asked in questions])):
         unknown = sorted({pair for named in each for pair in named} - set(pairs))
         if unknown:
-            raise ValueError(f"{root / FILE}: {name} of {one['folder']} have {unknown}, not in its pairs")
+            raise InvalidValueError(
+                f"{root / FILE}: {name} of {one['folder']} have {unknown}, not in its pairs"
+            )
     _check_families(root, one["folder"], families, questions)
     values = {
         **one,
@@ -147,7 +150,7 @@ def _entry(root: Path, one: dict) -> Entry:
     entry = Entry(**values)
     for name, value, valid in (("kind", entry.kind, KINDS), ("commits", entry.commits, COMMITS)):
         if value not in valid:
-            raise ValueError(
+            raise InvalidValueError(
                 f"{root / FILE}: {name} of {one['folder']} must be one of {', '.join(valid)}, got {value}"
             )
     if not (entry.folder / "README.md").is_file():
@@ -162,12 +165,12 @@ def _check_families(
     corrected = [pair for family in families for pair in family]
     twice = sorted({pair for pair in corrected if corrected.count(pair) > 1})
     if twice:
-        raise ValueError(
+        raise InvalidValueError(
             f"{root / FILE}: families of {folder} share {twice}; a pair is corrected in one family"
         )
     asked = {pair for question in questions if question.improvement is not None for pair in question.pairs}
     if asked - set(corrected):
-        raise ValueError(
+        raise InvalidValueError(
             f"{root / FILE}: questions of {folder} with an improvement ask for {sorted(asked - set(corrected))}, "
             "which no family of its families has"
         )
@@ -193,7 +196,7 @@ def _check_fields(root: Path, what: str, given: dict, kind: type) -> None:
     wrong += [name for name, it_is_needed in valid.items() if it_is_needed and name not in given]
     if wrong:
         needed = ", ".join(name for name, it_is_needed in valid.items() if it_is_needed)
-        raise ValueError(
+        raise InvalidValueError(
             f"{root / FILE}: {what} has {', '.join(valid)}, and needs {needed}; of {given.get('asks', given)!r} "
             f"these are missing or unknown: {', '.join(wrong)}"
         )

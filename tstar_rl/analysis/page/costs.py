@@ -27,12 +27,13 @@ def costs(metrics: pd.DataFrame, task: str, prefix: str) -> str:
 def draw_costs(
     experiment: Experiment, metrics: pd.DataFrame, paper: Paper, entry: Entry, task: str, figures: Path
 ) -> list[Path]:
-    """Writes the figure that `costs` shows, if it shows one: of the entry's `figure_arms`, or of all."""
+    """Writes the figure that `costs` shows, if it shows one: of the entry's `figure_arms`, if any, or of all."""
     if not _are_known(metrics, task):
         return []
     rows = ordered(experiment, paper, task)
     called = {arm: arm_label(paper, arm) for arm in rows["arm"]}
-    rows = rows[rows["arm"].isin(entry.figure_arms)] if entry.figure_arms else rows
+    chosen = rows[rows["arm"].isin(entry.figure_arms)]
+    rows = chosen if len(chosen) else rows
     return [save_figure(cost_figure(rows, metrics, called), figures / f"{entry.prefix}{task}_costs.png")]
 
 

@@ -20,6 +20,7 @@ from tstar_rl.analysis.page.over_tasks import draw_over_tasks
 from tstar_rl.analysis.page.turns import draw_turns
 from tstar_rl.analysis.tables import read_hand_over, read_metrics
 from tstar_rl.analysis.terminal_states import add_plane, read_terminal_states
+from tstar_rl.runs.csv_tables import read_table
 
 __all__ = ["curve_groups", "curves", "draw_page"]
 
@@ -110,7 +111,7 @@ def _draw_runs(entry: Entry, figures: Path) -> list[Path]:
             found.append(save_figure(hand_over_matrix(mine), figures / f"{entry.prefix}{task}_hand_over.png"))
         spread = entry.folder / task / "terminal_states_spread.csv"
         if spread.is_file():
-            systems = list(dict.fromkeys(pd.read_csv(spread)["system"]))
+            systems = list(dict.fromkeys(read_table(spread)["system"]))
             states, shares = add_plane(read_terminal_states(entry.folder, task, systems))
             plane = terminal_state_plane(states, shares)
             found.append(save_figure(plane, figures / f"{entry.prefix}{task}_terminal_states.png"))

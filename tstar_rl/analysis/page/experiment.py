@@ -24,6 +24,7 @@ from tstar_rl.analysis.page.markdown import (
 )
 from tstar_rl.analysis.questions import answer
 from tstar_rl.analysis.statistics import holm
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.runs.run_folder import UNTRAINED
 
 __all__ = ["answers", "arms", "comparison_table", "comparisons", "draw_experiment", "short_table"]
@@ -112,12 +113,14 @@ def short_table(
         shown: which arms; none named: all.
 
     Raises:
-        ValueError: for an arm that the task does not have.
+        InvalidValueError: for an arm that the task does not have.
     """
     rows, gaps, lines = ordered(experiment, paper, task), hand_over_gaps(experiment, task), []
     unknown = sorted(set(shown) - set(rows["arm"]))
     if unknown:
-        raise ValueError(f"{task} has no arm {', '.join(unknown)}; it has {', '.join(rows['arm'].unique())}")
+        raise InvalidValueError(
+            f"{task} has no arm {', '.join(unknown)}; it has {', '.join(rows['arm'].unique())}"
+        )
     rows = rows[rows["arm"].isin(shown)] if shown else rows
     for arm, row in arm_table(rows).iterrows():
         mine = rows[rows["arm"] == arm]

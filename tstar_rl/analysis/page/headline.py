@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from tstar_rl.analysis.experiments import read_experiment
 from tstar_rl.analysis.figures import headline_figure
+from tstar_rl.checks import InvalidValueError
 
 __all__ = ["Headline", "parse_headline"]
 
@@ -34,18 +35,20 @@ class Headline:
         """Of the last checkpoints; see `headline_figure`.
 
         Raises:
-            ValueError: for an arm that two experiments have, or that the one that is said to have it lacks; for a
-                difference of arms of two experiments.
+            InvalidValueError: for an arm that two experiments have, or that the one that is said to have it lacks; for
+                a difference of arms of two experiments.
         """
         whose = {arm: folder for folder, arms in self.beside.items() for arm in arms}
         for words, (one, other) in self.differences.items():
             if whose.get(one) != whose.get(other):
-                raise ValueError(f"headline: {words!r} is of {one} and {other}, arms of two experiments")
+                raise InvalidValueError(
+                    f"headline: {words!r} is of {one} and {other}, arms of two experiments"
+                )
         rows = read_experiment(self.folder).chosen(self.task)
         for folder, arms in self.beside.items():
             others = read_experiment(folder).chosen(self.task)
             if wrong := [arm for arm in arms if arm in set(rows["arm"]) or arm not in set(others["arm"])]:
-                raise ValueError(
+                raise InvalidValueError(
                     f"headline: {', '.join(wrong)} of {folder} must be an arm of it and of no other"
                 )
             rows = pd.concat([rows, others[others["arm"].isin(arms)]], ignore_index=True)
@@ -60,17 +63,17 @@ def parse_headline(root: Path, values: Mapping[str, Any]) -> Headline:
         values: plain values.
 
     Raises:
-        ValueError: for a field that is missing or not known, and for a difference that is not of two arms.
+        InvalidValueError: for a field that is missing or not known, and for a difference that is not of two arms.
     """
     valid = [each.name for each in fields(Headline)]
     wrong = sorted(set(valid) ^ {"beside", *values})
     if wrong:
-        raise ValueError(
+        raise InvalidValueError(
             f"headline has {', '.join(valid)}; of these are missing or unknown: {', '.join(wrong)}"
         )
     for words, pair in values["differences"].items():
         if len(pair) != 2:
-            raise ValueError(f"headline: the difference {words!r} must be of two arms, got {pair}")
+            raise InvalidValueError(f"headline: the difference {words!r} must be of two arms, got {pair}")
     differences = {words: (str(one), str(other)) for words, (one, other) in values["differences"].items()}
     beside = {root / folder: tuple(map(str, arms)) for folder, arms in values.get("beside", {}).items()}
     return Headline(

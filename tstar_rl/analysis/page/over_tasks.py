@@ -28,6 +28,7 @@ from tstar_rl.analysis.page.markdown import (
     table,
 )
 from tstar_rl.analysis.task_questions import answer_over_tasks, compare_over_tasks, sign_test
+from tstar_rl.checks import InvalidValueError
 
 __all__ = ["draw_over_tasks", "over_tasks", "short_over_tasks"]
 
@@ -58,7 +59,7 @@ def over_tasks(experiment: Experiment, paper: Paper, entry: Entry) -> str:
     """The section, with its heading; nothing for an experiment of one task.
 
     Raises:
-        ValueError: if no arm is called as the entry's reference.
+        InvalidValueError: if no arm is called as the entry's reference.
     """
     if len(experiment.tasks) < 2:
         return ""
@@ -78,7 +79,7 @@ def short_over_tasks(experiment: Experiment, paper: Paper, entry: Entry) -> str:
     """The tables alone, for the README and the notes.
 
     Raises:
-        ValueError: see `over_tasks`.
+        InvalidValueError: see `over_tasks`.
     """
     _check_reference(experiment, entry)
     scores, _ = _aggregated(experiment, entry)
@@ -168,7 +169,7 @@ def _file(entry: Entry, scores: TaskScores, tasks: Sequence[str]) -> str:
 def _check_reference(experiment: Experiment, entry: Entry) -> None:
     arms = sorted(set(experiment.arms["arm"]))
     if entry.reference not in arms:
-        raise ValueError(
+        raise InvalidValueError(
             f"{FILE}: reference of {entry.folder.name} must be one of its arms {', '.join(arms)}, got {entry.reference}"
         )
 

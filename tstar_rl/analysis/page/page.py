@@ -20,6 +20,7 @@ from tstar_rl.analysis.page.over_tasks import over_tasks, short_over_tasks
 from tstar_rl.analysis.page.single_policies import single_policies
 from tstar_rl.analysis.page.turns import turns
 from tstar_rl.analysis.tables import read_metrics
+from tstar_rl.checks import InvalidValueError
 
 __all__ = ["replace_block", "results_head", "results_page"]
 
@@ -94,17 +95,19 @@ def _filled(notes: str, entries: Iterable[Entry], paper: Paper) -> str:
     `table` there are `comparisons`, `answers`, `choices`, and of several tasks `over all tasks`, each with all arms.
 
     Raises:
-        ValueError: for a folder that is no experiment, an arm that it does not have, a table that would be empty, or a
-            comment that asks for nothing: it would not be seen.
+        InvalidValueError: for a folder that is no experiment, an arm that it does not have, a table that would be
+            empty, or a comment that asks for nothing: it would not be seen.
     """
     experiments = {entry.folder.name: entry for entry in entries if entry.kind == "experiment"}
 
     def fill(found: re.Match[str]) -> str:
         kind, folder, arms = found.groups()
         if folder not in experiments:
-            raise ValueError(f"{found[0]}: there is no such experiment; there are {', '.join(experiments)}")
+            raise InvalidValueError(
+                f"{found[0]}: there is no such experiment; there are {', '.join(experiments)}"
+            )
         if arms and kind != "table":
-            raise ValueError(f"{found[0]}: {kind} are of all arms")
+            raise InvalidValueError(f"{found[0]}: {kind} are of all arms")
         entry = experiments[folder]
         experiment, named = read_experiment(entry.folder), entry.named(paper)
         if kind == "over all tasks":
@@ -122,13 +125,13 @@ def _filled(notes: str, entries: Iterable[Entry], paper: Paper) -> str:
 
     asked = r"<!-- (table|comparisons|answers|choices|over all tasks): ([^\s:]+)(?:: ([\w, ]+))? -->"
     if left := re.findall("<!--.*", re.sub(asked, "", notes)):
-        raise ValueError(f"the notes have a comment that is no table: {left[0]}")
+        raise InvalidValueError(f"the notes have a comment that is no table: {left[0]}")
     return re.sub(asked, fill, notes)
 
 
 def _some(asked: str, text: str) -> str:
     if not text.strip():
-        raise ValueError(f"{asked}: there is nothing to show")
+        raise InvalidValueError(f"{asked}: there is nothing to show")
     return text.strip()
 
 
@@ -136,7 +139,7 @@ def _experiment(entry: Entry, paper: Paper) -> str:
     """The part of the page that an experiment fills.
 
     Raises:
-        ValueError: if its arms come from several commits and contents.yaml does not say so.
+        InvalidValueError: if its arms come from several commits and contents.yaml does not say so.
     """
     said, paper = [f"#{entry.intro()}"], entry.named(paper)
     if entry.kind == "ablations":
@@ -188,9 +191,9 @@ def replace_block(text: str, block: str) -> str:
     """The text with what is between the two markers replaced.
 
     Raises:
-        ValueError: if the markers are not there.
+        InvalidValueError: if the markers are not there.
     """
     if text.count(BEGIN) != 1 or text.count(END) != 1:
-        raise ValueError(f"the text needs one line {BEGIN} and, after it, one line {END}")
+        raise InvalidValueError(f"the text needs one line {BEGIN} and, after it, one line {END}")
     before, rest = text.split(BEGIN)
     return f"{before}{BEGIN}\n{block.strip()}\n{END}{rest.split(END)[1]}"

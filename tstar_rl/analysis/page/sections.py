@@ -19,6 +19,7 @@ from tstar_rl.analysis.page.markdown import (
     theirs,
 )
 from tstar_rl.analysis.tables import read_evaluations, whole_task
+from tstar_rl.runs.csv_tables import read_table
 
 __all__ = [
     "ablated",
@@ -136,7 +137,7 @@ def figure_4(root: Path, task: str, paper: Paper, prefix: str) -> str:
     path = root / task / "terminal_states_spread.csv"
     if not path.is_file():
         return ""
-    found, rows = pd.read_csv(path), []
+    found, rows = read_table(path), []
     names = labels(paper, found["system"])
     for (system, seed), part in found.groupby(["system", "seed"], sort=False):
         numbers = [
@@ -154,7 +155,7 @@ def hand_over(root: Path, task: str, paper: Paper, prefix: str) -> str:
     path = root / task / "hand_over.csv"
     if not path.is_file():
         return ""
-    found, rows = pd.read_csv(path), []
+    found, rows = read_table(path), []
     for system, label in labels(paper, found["system"]).items():
         for checkpoint, part in found[found["system"] == system].groupby("checkpoint", sort=False):
             groups = [group for _, group in part.groupby("subtask")]

@@ -4,7 +4,7 @@
       demo_0             attrs: num_samples, model_file (XML), success, seed
         obs/flat         (T, O) float32, before each action; next_obs/flat after it
         actions          (T, 9) float32 in [-1, 1], what the environment was given
-        expert_actions   (T, 9) float32 in [-1, 1], what to imitate, where it is another than `actions`
+        expert_actions   (T, 9) float32 in [-1, 1], what to imitate, of demonstrations; in plain ones `actions`
         rewards, dones   (T,)
         terminations, truncations, successes  (T,), 0 or 1
         states           (T, D) float64, before each action; final_state (D,) after the last one
