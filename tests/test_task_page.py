@@ -56,7 +56,7 @@ def test_the_observation_adds_up():
     sizes = [int(size) for size, _ in rows("Observation") if size.isdigit()]
     phases = len(phase_reward.PHASES)
     assert (sum(sizes[:-1]), sizes[-1]) == (NUM_OBSERVATIONS_ROBOT, phases)
-    assert f"`{NUM_OBSERVATIONS_ROBOT} + 7 P + {phases}`" in PAGE
+    assert f"`{NUM_OBSERVATIONS_ROBOT} + 7 M + {phases}`" in PAGE
 
 
 @pytest.mark.parametrize(
