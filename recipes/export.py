@@ -38,7 +38,6 @@ from tstar_rl.runs.run_folder import read_run_path, run_path
 from tstar_rl.seeds import derive_seed
 
 FORMATS = ("hdf5", "minari")
-ALLOWED = r"[a-zA-Z0-9_-]+"
 
 
 @recipe(
@@ -58,7 +57,7 @@ def main(config: DictConfig) -> None:
         if name not in FORMATS:
             raise InvalidValueError(f"formats must be of {', '.join(FORMATS)}; got {name!r}")
     name = config.dataset or _name(config)
-    if re.fullmatch(ALLOWED, name) is None:
+    if not name or name != _allowed(name):
         raise InvalidValueError(
             f"dataset must be of letters, digits, - and _, as Minari's names are; got {name!r}"
         )
