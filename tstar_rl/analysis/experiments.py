@@ -87,9 +87,8 @@ class Experiment:
         found = self.commits()
         if len(found) > 1 or not all(map(is_one_commit, found)):
             lines = "; ".join(f"{short_commit(commit)}: {', '.join(runs)}" for commit, runs in found.items())
-            raise InvalidValueError(
-                f"{self.root}: all runs of an experiment must come from one commit, got {lines}"
-            )
+            said = f"{self.root}: all runs of an experiment must come from one commit, got {lines}"
+            raise InvalidValueError(said)
 
 
 def read_experiment(root: str | Path, one_commit: bool = False) -> Experiment:
