@@ -49,6 +49,8 @@ class Entry:
     """Arms without a hand-over gap, since their skills start from other states alone than in the chain."""
     learned: Learned | None = None
     """Declared before the experiment ran: when a skill counts as learned."""
+    late_trials: int | None = None
+    """Declared before the experiment ran: the trial, counted from 1, that a chain's last one is compared with."""
     figure_arms: tuple[str, ...] = ()
     """Arms whose profiles and costs are drawn, where all would not be told apart; none named: all."""
     sections: tuple[str, ...] | None = None

@@ -15,6 +15,7 @@ from tstar_rl.analysis.page.commits import commits
 from tstar_rl.analysis.page.contents import Entry, read_contents
 from tstar_rl.analysis.page.costs import costs
 from tstar_rl.analysis.page.drawing import curves
+from tstar_rl.analysis.page.late_trials import trials_over_time
 from tstar_rl.analysis.page.markdown import Paper, anchor
 from tstar_rl.analysis.page.over_tasks import over_tasks, short_over_tasks
 from tstar_rl.analysis.page.single_policies import single_policies
@@ -163,6 +164,7 @@ def _experiment(entry: Entry, paper: Paper) -> str:
             leads["Comparisons"] = parts.comparisons(experiment, paper, entry, task)
             leads["Costs"] = costs(metrics, task, entry.prefix)
             leads["Turns"] = turns(metrics, paper, task, entry.prefix)
+            leads["Later trials"] = trials_over_time(metrics, paper, task, entry.late_trials)
         leads["What the skills hand over"] = sections.hand_over(entry.folder, task, paper, entry.prefix)
         leads["Which skills are learned"] = sections.learned(entry.learned, evaluations, task)
         leads["Skills alone"] = sections.skills(evaluations, task)
