@@ -22,7 +22,7 @@ def main(config: DictConfig) -> None:
         rl.derive_seed(config.seed, "updates"),
     )
     run.log(0, **rl.behaviour_cloning(skill.policy, expert.observations, expert.actions, cloning, seed))
-    skill.save(run.work / "last", recipe=config.system)
+    skill.save(run.work / "last", **run.origin)
     run.finish()
 
 

@@ -26,6 +26,7 @@ from tstar_rl.config.load import recipe
 from tstar_rl.config.pretrained import check_same_chain, take_pretrained
 from tstar_rl.config.recovery import chain_policy
 from tstar_rl.config.values import plain
+from tstar_rl.config.worlds import check_world
 from tstar_rl.launch.asked_checkpoints import SPENT, Found, find_checkpoints, spent_on
 from tstar_rl.launch.evaluations import check_evaluation
 from tstar_rl.launch.run_folders import begun_with, ended_since, evaluated_runs, run_folder
@@ -33,6 +34,7 @@ from tstar_rl.rollouts.episodes import evaluate, same_policy
 from tstar_rl.rollouts.recorder import Recorder
 from tstar_rl.runs.csv_tables import append_rows
 from tstar_rl.runs.run_config import note_evaluation
+from tstar_rl.runs.run_folder import is_untrained, run_path
 from tstar_rl.seeds import evaluation_seed
 from tstar_rl.shipped.chain import ShippedChain
 
@@ -113,7 +115,10 @@ def _candidates(config: DictConfig, given: Iterable[str]) -> tuple[Path, dict[st
 
 
 def _trained(config: DictConfig, begun_with: str, found: Found) -> Candidate:
-    """One skill, or a chain."""
+    """One skill, or a chain, in its own world."""
+    for index, folder in enumerate(found.folders):
+        skill = run_path(config.results_dir, config.task.name, config.skills, config.seed, index)
+        check_world(config, folder, skill if is_untrained(config.system) else None)
     skills = [load_skill(folder, task=config.task.name) for folder in found.folders]
     spent = spent_on(config, begun_with, found)
     if not found.chain:

@@ -22,6 +22,7 @@ from tstar_rl.config.demonstrations import demonstrated, demonstrations_seed, lo
 from tstar_rl.config.load import recipe
 from tstar_rl.config.recovery import refuse_recovery
 from tstar_rl.config.values import plain
+from tstar_rl.config.worlds import check_world
 from tstar_rl.demonstrations.formats import (
     Recording,
     not_reproduced,
@@ -122,6 +123,7 @@ def _episodes(config: DictConfig) -> Recording:
         raise MissingFileError(f"no skill and no chain at {path}")
     refuse_recovery(folders[0])
     _check_world(config)
+    check_world(config, folders[0])
     skills = [load_skill(folder, task=config.task.name).to(config.device) for folder in folders]
     if chain and len(skills) < config.task.subtasks:
         raise InvalidValueError(

@@ -22,7 +22,7 @@ def main(config: DictConfig) -> None:
     run.start()
     for index, skill in enumerate(skills):
         run.log(0, skill=index, raised_inputs=skill.normalizer.raise_to(config.floor))
-    rl.save_chain(skills, run.work / "last", recipe=config.system, env_steps=0)
+    rl.save_chain(skills, run.work / "last", **run.origin, env_steps=0)
     run.finish()
 
 

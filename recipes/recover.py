@@ -50,7 +50,7 @@ def main(config: DictConfig) -> None:
         shares.append(recovery.share_of(logit))
         run.log(steps, skill=index, sent_home=shares[-1], **log)
     rule = {"settings": asdict(recovery), "shares": shares}
-    rl.save_chain(skills, run.work / "last", recipe=config.system, env_steps=steps, recovery=rule)
+    rl.save_chain(skills, run.work / "last", **run.origin, env_steps=steps, recovery=rule)
     run.finish()
 
 

@@ -30,7 +30,7 @@ def main(config: DictConfig) -> None:
     trial = rl.run_trial(skills, env, chain.path_steps)
     for index, (skill, found) in enumerate(zip(skills, trial.skills, strict=True)):
         run.log(trial.steps(), skill=index, widened_inputs=skill.normalizer.widen(found.path.states))
-    rl.save_chain(skills, run.work / "last", recipe=config.system, env_steps=trial.steps())
+    rl.save_chain(skills, run.work / "last", **run.origin, env_steps=trial.steps())
     run.finish()
 
 

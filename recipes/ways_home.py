@@ -17,6 +17,7 @@ from tstar_rl.config.build import environment
 from tstar_rl.config.chain import check_links
 from tstar_rl.config.load import recipe
 from tstar_rl.config.recovery import chain_policy
+from tstar_rl.config.worlds import check_world
 from tstar_rl.env.task_tables import subtask_geometry
 from tstar_rl.launch.evaluations import check_chain
 from tstar_rl.launch.run_folders import run_folder
@@ -32,6 +33,7 @@ def main(config: DictConfig) -> None:
     check_chain(config, config.system)
     task, place = config.task.name, run_folder(config, "runs_dir") / "last"
     skills = load_chain(place, task=task)
+    check_world(config, place / "skill0")
     check_links(config, len(skills))
     policy = chain_policy(config, skills, chain_folders(place)).to(config.device)
     if not isinstance(policy, RecoveringChain):

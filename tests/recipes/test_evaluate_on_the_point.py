@@ -8,9 +8,12 @@ from tstar_rl.chaining.chain import save_chain
 from tstar_rl.chaining.recovery import RecoverySettings
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.env import furniture_env
+from tstar_rl.runs.run_config import write_config
 from tstar_rl.seeds import evaluation_seed
 
 SEED = 5
+WORLD = {"velocity_scale": 0.4, "gripper": "sign", "preassembled": "jitter"}
+"""Of the laptop scale."""
 SETTINGS = ("+env.max_steps=20", "evaluation.whole_episodes=64", "video=false", f"seed={SEED}")
 
 
@@ -80,3 +83,33 @@ def test_a_chain_that_was_saved_with_recovery_goes_home_at_the_worlds_speed(
         1 + 2 * row.subtask_1
     )  # each skill but the first, where the one before it succeeded: the first always does
     assert row.homings == pytest.approx(begun) and set(asked) == {0.4}
+
+
+def test_a_chain_is_not_evaluated_as_one_of_another_world(skills, say, tmp_path):
+    """As where runs_dir is given and results_dir is forgotten: the tables there are of another chain, and stay."""
+    save_chain(
+        skills, tmp_path / f"runs/table_lack/tstar/seed{SEED}/last", env=WORLD | {"velocity_scale": 0.3}
+    )
+    table = tmp_path / f"results/table_lack/tstar/seed{SEED}/evaluation.csv"
+    table.parent.mkdir(parents=True)
+    table.write_text("checkpoint,mode,seed,progress\nlast,deterministic,5,0.9\n")
+    values = [f"{place}_dir={tmp_path / place}" for place in ("results", "runs")]
+    told = say("evaluate", "system=tstar", *SETTINGS, *values)
+    assert "skill0 was trained in another world: env.velocity_scale was 0.3 when it was saved" in told
+    assert "0.9" in table.read_text() and [path.name for path in table.parent.iterdir()] == [table.name]
+
+
+def test_skills_are_chained_as_they_are_in_their_own_world_unless_it_may_differ(skills, call, say, tmp_path):
+    """Each says which that is, or, saved by an older version, the config of its results does."""
+    for index, skill in enumerate(skills):
+        place = f"table_lack/gail_ppo/seed{SEED}/subtask{index}"
+        said = {"env": WORLD | {"arm_noise": 0.1}} if index == 2 else {}
+        skill.save(tmp_path / "runs" / place / "last", **said)
+    write_config(tmp_path / "results" / place, {"env": WORLD | {"reset_robot": False}})
+    values = ["system=no_finetuning", "modes=[deterministic]", "checkpoints=[last]", *SETTINGS]
+    values += [f"{each}_dir={tmp_path / each}" for each in ("results", "runs")]
+    assert "subtask2/last was trained in another world: env.arm_noise was 0.1" in say("evaluate", *values)
+    told = say("evaluate", *values, "demonstrations.may_differ=[arm_noise]")
+    assert "subtask3/last was trained in another world: env.reset_robot was False" in told
+    call("evaluate", *values, "demonstrations.may_differ=[arm_noise,reset_robot]")
+    assert (tmp_path / f"results/table_lack/no_finetuning/seed{SEED}/evaluation.csv").is_file()

@@ -7,6 +7,7 @@ from saved_run import a_run, a_run_that_saved, contents
 from tstar_rl.checks import MissingFileError, NothingToDo
 from tstar_rl.runs import checkpoint
 from tstar_rl.runs.mismatch import CheckpointMismatchError
+from tstar_rl.runs.run_config import note_evaluation, read_config
 
 
 def test_another_config_stops_a_run_that_resumes_and_leaves_it_finished(tmp_path):
@@ -112,3 +113,32 @@ def test_a_run_that_begins_anew_leaves_nothing_of_the_one_before(tmp_path):
     assert a_run(tmp_path, resume=False).start(module=module) == 0
     left = {path.name for path in (*work.iterdir(), *table.iterdir())}
     assert not left & {"last", "best", "checkpoints", "evaluation.csv"} and "config.yaml" in left
+
+
+@pytest.mark.parametrize("own_checkpoint", [False, True])
+def test_the_tables_of_a_run_of_other_values_are_not_touched(own_checkpoint, tmp_path):
+    """As where runs_dir is given and results_dir is forgotten."""
+    other = a_run(tmp_path, size=1)
+    other.start()
+    for steps in (10, 20, 30):
+        other.log(steps, progress=0.9)
+    (other.results / "evaluation.csv").write_text("progress\n1\n")
+    other.finish()
+    mine = {"runs_dir": str(tmp_path / "mine"), "size": 2}
+    if own_checkpoint:
+        run = a_run(tmp_path, **mine, results_dir=str(tmp_path / "my_results"))
+        run.start()
+        run.log(10)
+        run.save_if_due(0)
+        run.finish()
+    before = contents(tmp_path / "results")
+    with pytest.raises(CheckpointMismatchError, match="results.*size was 1.*is 2 now.*keep runs apart"):
+        a_run(tmp_path, **mine).start()
+    assert contents(tmp_path / "results") == before
+
+
+def test_the_config_of_an_evaluation_alone_is_no_run_to_go_on_with(tmp_path):
+    """As of skills chained as they are, where a system of their name is trained later."""
+    note_evaluation(tmp_path / "results/table/chain/seed0", {"size": 1})
+    a_run(tmp_path, size=2).start()
+    assert read_config(tmp_path / "results/table/chain/seed0")["size"] == 2

@@ -189,7 +189,7 @@ def skill_training(config: DictConfig) -> SkillTraining:
     skill.normalizer.fit(expert.observations, config.normalizer.floor)
 
     def save(name: str, env_steps: int) -> None:
-        skill.save(run.work / name, recipe=config.system, env_steps=env_steps)
+        skill.save(run.work / name, **run.origin, env_steps=env_steps)
 
     starts = _demonstration_starts(config, expert)
     collection = make_collection(config, skill.policy, subtask, seed, starts=starts)

@@ -19,15 +19,14 @@ from tstar_rl.config.build import environment, load_demonstrations, make_collect
 from tstar_rl.config.check import ConfigError
 from tstar_rl.config.ranges import chain_length
 from tstar_rl.config.values import plain
+from tstar_rl.config.worlds import check_world
 from tstar_rl.demonstrations.collect import collect
 from tstar_rl.demonstrations.data_set import Demonstrations
-from tstar_rl.env.task_tables import DEFAULT_SETTINGS
 from tstar_rl.rollouts.collection import Collection
 from tstar_rl.rollouts.ray_collection import RayCollection
 from tstar_rl.rollouts.state_sets import TerminationSet
 from tstar_rl.runs.mismatch import CheckpointMismatchError, differences
 from tstar_rl.runs.run import Run
-from tstar_rl.runs.run_config import read_config
 from tstar_rl.runs.run_folder import run_path
 from tstar_rl.seeds import derive_seed
 
@@ -59,7 +58,7 @@ def chain_turns(config: DictConfig) -> Iterator[Turn]:
             lambda known, first: run_trial(skills, workshop.trial(), values.path_steps, known, first),
         ),
     )
-    return turns.chain_turns(chain, recipe=config.system)
+    return turns.chain_turns(chain, **run.origin)
 
 
 def _check_sizes(config: DictConfig, skill: Skill) -> None:
@@ -136,45 +135,29 @@ def check_links(config: DictConfig, found: int) -> None:
         )
 
 
-def _check_world(config: DictConfig, subtask: int) -> None:
-    folder = run_path(config.results_dir, config.task.name, config.skills, config.seed, subtask)
-    saved, may_differ = read_config(folder).get("env"), config.demonstrations.may_differ
-    if saved is None:
-        return
-    then, now = (
-        {name: value for name, value in (DEFAULT_SETTINGS | env).items() if name not in may_differ}
-        for env in (saved, plain(config)["env"])
-    )
-    if wrong := differences(then, now, "env"):
-        raise CheckpointMismatchError(
-            f"{folder} is of a skill trained in another world: {'; '.join(wrong)}. Give the scale that it has, "
-            "or skills of this scale (runs_dir=... and results_dir=... keep scales apart), or name the settings in "
-            "demonstrations.may_differ=[...]"
-        )
-
-
 def load_skills(config: DictConfig, checkpoint: str = "last") -> list[Skill]:
     """The skills of the system config.skills that a chaining recipe starts from, in order.
 
     Raises:
         CheckpointMismatchError: if config.networks or config.chain.capacity are not what the skills have, nor
-            config.normalizer.floor, where their normalisers tell it; or if config.env has another world than a skill
-            was trained in, where its results tell it, but for the settings in config.demonstrations.may_differ.
+            config.normalizer.floor, where their normalisers tell it; or see `skills_as_they_are`.
     """
     skills = skills_as_they_are(config, checkpoint)
     for skill in skills:
         _check_sizes(config, skill)
-        _check_world(config, skill.subtask)
     return skills
 
 
 def skills_as_they_are(config: DictConfig, checkpoint: str = "last") -> list[Skill]:
-    """The skills of the system config.skills, in order, whatever the scale of config."""
-    return [
-        Skill.load(
-            run_path(config.runs_dir, config.task.name, config.skills, config.seed, index) / checkpoint,
-            task=config.task.name,
-            subtask=index,
-        ).to(config.device)
-        for index in range(chain_length(config))
-    ]
+    """The skills of the system config.skills, in order, whatever networks config has.
+
+    Raises:
+        CheckpointMismatchError: if one was trained in another world than config.env; see `check_world`.
+    """
+    skills = []
+    for index in range(chain_length(config)):
+        run = (config.task.name, config.skills, config.seed, index)
+        folder = run_path(config.runs_dir, *run) / checkpoint
+        check_world(config, folder, run_path(config.results_dir, *run))
+        skills.append(Skill.load(folder, task=config.task.name, subtask=index).to(config.device))
+    return skills

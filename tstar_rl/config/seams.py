@@ -8,6 +8,7 @@ from tstar_rl.chaining.skill import Skill
 from tstar_rl.config.build import environment
 from tstar_rl.config.chain import check_links, skills_as_they_are
 from tstar_rl.config.recovery import refuse_recovery
+from tstar_rl.config.worlds import check_world
 from tstar_rl.rollouts.state_sets import TerminationSet
 from tstar_rl.runs.run_folder import is_untrained, run_path
 
@@ -20,11 +21,13 @@ def chain_of(config: DictConfig, system: str) -> list[Skill]:
     Raises:
         ConfigError: if chain.links is not how many a trained chain has.
         InvalidValueError: if it is a chain with recovery.
+        CheckpointMismatchError: if it was trained in another world; see `check_world`.
     """
     if is_untrained(system):
         return skills_as_they_are(config, config.checkpoint)
     run = run_path(config.runs_dir, config.task.name, system, config.seed)
     refuse_recovery(run / config.checkpoint / "skill0")
+    check_world(config, run / config.checkpoint / "skill0")
     skills = load_chain(run / config.checkpoint, task=config.task.name)
     check_links(config, len(skills))
     return [skill.to(config.device) for skill in skills]

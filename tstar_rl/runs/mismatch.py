@@ -40,13 +40,16 @@ class CheckpointMismatchError(UserError, ValueError):
 
 
 def check_config(results: Path, saved: Mapping[str, Any], asked: Mapping[str, Any]) -> None:
-    """Raises CheckpointMismatchError if the finished run at `results` was saved with other values than are asked for.
+    """Raises CheckpointMismatchError if the run whose tables lie at `results` had other values than are asked for.
 
     What was not saved is not compared.
     """
     wanted = {name: value for name, value in asked.items() if name in saved}
     if wrong := differences({name: saved[name] for name in wanted}, wanted):
-        raise CheckpointMismatchError(f"{results}: {'; '.join(wrong)} (resume=false starts over)")
+        raise CheckpointMismatchError(
+            f"{results}: {'; '.join(wrong)} "
+            "(resume=false starts over; results_dir=... and runs_dir=... keep runs apart)"
+        )
 
 
 def as_begun(saved: Mapping[str, Any], asked: Mapping[str, Any]) -> dict[str, Any]:

@@ -75,6 +75,11 @@ class Run:
             disable=not config["progress_bar"],
         )
 
+    @property
+    def origin(self) -> dict[str, Any]:
+        """What a skill or a chain that the run saves says of where it is from: its system, and its world."""
+        return {"recipe": self.config["system"], "env": self.config.get("env")}
+
     def _hold(self) -> None:
         """Takes both folders: runs with one results folder and two of work would write one table."""
         lock.hold(self.work)
@@ -93,7 +98,8 @@ class Run:
         Raises:
             NothingToDo: if it has finished, and no more steps are asked for.
             MissingFileError: if it has, and its tables are elsewhere.
-            CheckpointMismatchError: when resuming a run that had another config, or where one of another has finished.
+            CheckpointMismatchError: when resuming a run that had another config, or where one of another has finished,
+                or where the tables are those of another. Nothing is touched then.
             DamagedCheckpointError: if the newest checkpoint is not as it was written. Nothing is touched then.
             LogError: if a table of the run has lost rows.
         """
@@ -102,9 +108,11 @@ class Run:
             put_back(self.work / name)
         found = checkpoint.latest(self.work / "checkpoints") if self.config["resume"] else None
         finished = self.work / FINISHED
+        if self.config["resume"]:
+            self._check_tables()
         if found is None:
             if self.config["resume"] and finished.is_file():
-                self._check_same()
+                self._check_steps()
                 self._stop_if_done()
             finished.unlink(missing_ok=True)  # first: what is half deleted is not done
             for name in ("checkpoints", *SAVED):
@@ -145,11 +153,15 @@ class Run:
                 )
             raise NothingToDo(f"{self.work} has finished: nothing to do (resume=false starts over)")
 
-    def _check_same(self) -> None:
-        """Raises CheckpointMismatchError if the run that has finished here had another config."""
+    def _check_tables(self) -> None:
+        """Raises CheckpointMismatchError if the tables here are of a training that had another config."""
         saved = read_config(self.results)
-        check_config(self.results, saved, begun := as_begun(saved, self.record))
-        if begun != self.record:
+        if not saved.get("evaluation_only"):
+            check_config(self.results, saved, as_begun(saved, self.record))
+
+    def _check_steps(self) -> None:
+        """Raises CheckpointMismatchError if the run that has finished here was given fewer steps."""
+        if as_begun(read_config(self.results), self.record) != self.record:
             raise CheckpointMismatchError(
                 f"{self.work}: more steps are asked for than it was given, and it has no checkpoint to go on from: it "
                 "ended before checkpoint_every steps, or the checkpoints were deleted (resume=false starts over)"

@@ -132,7 +132,7 @@ class SpirlTraining:
         backend = config["collection"]["backend"]
         if backend != "local":
             raise InvalidValueError(f"SPiRL runs with collection.backend=local only, got {backend!r}")
-        self.agent, self.seed, self.system = agent, seed, config["system"]
+        self.agent, self.seed = agent, seed
         self.total, self.save_every = config["spirl"]["total_steps"], config["spirl"]["checkpoint_every"]
         self.run = Run(config, config["subtask"], self.total, unread=CHAINING)
         self.collection = Collection(env, agent.actor, 1)
@@ -147,7 +147,7 @@ class SpirlTraining:
 
     def keep(self, name: str) -> None:
         """Saves the agent as the checkpoint `name`."""
-        self.agent.save(self.run.work / name, recipe=self.system, env_steps=self.steps)
+        self.agent.save(self.run.work / name, **self.run.origin, env_steps=self.steps)
 
     def rollouts(self) -> Iterator[TensorDictBase]:
         """Rollouts (N, 1), one latent of each simulation, until the budget is spent; then closes the run.
