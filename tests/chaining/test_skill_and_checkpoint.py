@@ -76,6 +76,17 @@ def test_a_chain_acts_with_the_skill_of_each_row():
             torch.testing.assert_close(action[row], alone)
 
 
+@pytest.mark.parametrize("shape", [(3, 2), (2, 3), (6, 1), ()])
+def test_a_chain_labels_batches_of_any_shape(shape):
+    skills, rows = [Skill("table_lack", index, SMALL) for index in range(2)], TensorDict(batch_size=[6])
+    rows.set("observation", torch.randn(6, 72)).set("subtask", torch.tensor([[0], [1], [1], [0], [2], [1]]))
+    rows = rows if shape else rows[:1]
+    with set_exploration_type(ExplorationType.DETERMINISTIC):
+        one_by_one = ChainPolicy(skills)(rows.clone())["action"]
+        action = ChainPolicy(skills)(rows.reshape(shape))["action"]
+    torch.testing.assert_close(action, one_by_one.reshape(*shape, 9))
+
+
 @pytest.fixture
 def chain(tmp_path):
     """The folder of a saved chain of three skills."""

@@ -17,6 +17,8 @@ def test_specs(snapshots, subtask):
     check_env_specs(env, seed=0)
     assert ("snapshot" in env.observation_spec.keys()) is snapshots
     assert env.reward_key == "reward_env" and env.batch_size == torch.Size([2])
+    one = env.observation_spec[0]  # of one simulation
+    assert one.shape == () and one["observation"].shape == env.observation_spec["observation"].shape[1:]
 
 
 def test_a_partial_reset_leaves_the_others_untouched():

@@ -3,11 +3,20 @@
 import pytest
 import torch
 from tensordict import TensorDict, assert_close
+from torchrl.envs import Compose, StepCounter, TransformedEnv
 
 from tstar_rl.rollouts.collection import Collection, with_starts
-from tstar_rl.rollouts.starts import MixedStarts, check_shares, gaussian_counts, make_starts
+from tstar_rl.rollouts.starts import (
+    MixedStarts,
+    check_shares,
+    gaussian_counts,
+    make_starts,
+    start_counts,
+    termination_sets,
+)
 from tstar_rl.rollouts.state_sets import TerminationSet
 from tstar_rl.rollouts.terminal_gaussian import TerminalGaussian
+from tstar_rl.transforms import SkillChainReset
 
 
 def seeded(seed: int = 0) -> torch.Generator:
@@ -112,6 +121,15 @@ def test_the_log_counts_where_episodes_have_begun(make_env, policy):
     assert 0.7 < counts["starts_chained"] / (sum(counts.values()) - before) < 0.9
     assert counts["starts_chained"] >= begun > 0  # some begin with the next rollout
     assert Collection(with_starts(make_env()), policy, 3).counts() == {}
+
+
+@pytest.mark.parametrize("wrap", [lambda one: one, lambda one: Compose(StepCounter(), Compose(one))])
+def test_starts_are_found_wherever_their_transform_stands(wrap, make_env, policy):
+    states = reached(0.7)
+    env = TransformedEnv(make_env(), wrap(SkillChainReset(states, probability=1.0)))
+    env.rollout(2, policy)
+    assert start_counts(env) == {"starts_environment": 0, "starts_chained": 3}
+    assert termination_sets(env) == [states]
 
 
 def test_only_a_gaussian_counts(make_env):

@@ -6,11 +6,19 @@ from spirl_agent import DECODERS, make_agent
 from tensordict import TensorDict
 from torch.testing import assert_close
 from torchrl.envs import Compose, ExplorationType, StepCounter, TransformedEnv, set_exploration_type
+from transform_parts import Slot
 
 from tstar_rl.rollouts.collection import with_starts
 from tstar_rl.rollouts.episodes import run_episodes
 from tstar_rl.spirl import LatentExecution, LatentPolicy
-from tstar_rl.transforms import EpisodeStart, RewardMixture
+from tstar_rl.transforms import EpisodeStart, GAILReward, ProximityReward, RewardMixture, TerminalStateReward
+
+BEHIND = [
+    lambda: ProximityReward(Slot()),
+    lambda: GAILReward(Slot()),
+    lambda: TerminalStateReward(Slot(), score="before"),
+]
+"""Rewards that depend on the state in which a step began."""
 
 
 def forward_by(latent, observation, step):
@@ -63,6 +71,15 @@ class TestLatentExecution:
             env = TransformedEnv(make_env(), Compose(*(both if first else both[::-1])))
             after = env.rollout(6, latent_policy(0.8), break_when_any_done=False)["next"]
             assert_close(after["reward"], 0.1 * after["reward_env"])
+
+    @pytest.mark.parametrize("make", BEHIND)
+    def test_a_reward_behind_it_is_of_the_whole_latent(self, make, make_env):
+        """In the environment as outside: from where the latent began to where it ended."""
+        env = TransformedEnv(make_env(), Compose(StepCounter(), LatentExecution(forward_by, 1, 3), make()))
+        rollout = env.rollout(6, latent_policy(0.5), break_when_any_done=False)
+        inside, outside = (steps["next", make().out_keys[0]] for steps in (rollout, make()(rollout.clone())))
+        assert_close(inside, outside)
+        assert len(inside.unique()) > 1 and not {"_begun", "_outcome"} & set(rollout.keys())
 
     @pytest.mark.parametrize("decoder", DECODERS)
     def test_step_by_step_the_policy_does_the_same(self, decoder, make_env):

@@ -4,6 +4,7 @@ import pytest
 import torch
 from tensordict import TensorDict
 from torchrl.envs import TransformedEnv
+from torchrl.envs.utils import check_env_specs
 
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.transforms.reward_transform import RewardTransform
@@ -36,6 +37,11 @@ def test_a_reward_of_another_shape_or_without_a_number_is_refused(said, message)
     with pytest.raises(InvalidValueError, match=message):
         Given(said)(steps)
     assert Given(torch.ones(2, 3, 1))(steps)["next", "reward_mine"].sum() == 6
+
+
+@pytest.mark.parametrize("said", [torch.ones(2, 1, dtype=torch.float64), torch.ones(2, 1, dtype=torch.bool)])
+def test_a_reward_of_another_type_has_that_of_its_spec(said, make_env):
+    check_env_specs(TransformedEnv(make_env(num_envs=2), Given(said)))
 
 
 def test_an_environment_refuses_it_at_the_step(make_env, policy):

@@ -6,9 +6,10 @@ import pytest
 import torch
 from tensordict import TensorDict
 from torch.testing import assert_close
-from torchrl.envs import Compose, TransformedEnv
+from torchrl.envs import Compose, ParallelEnv, TransformedEnv
 from transform_parts import FixedStarts, Slot
 
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.transforms import (
     ConstantBonus,
     EpisodeStart,
@@ -87,6 +88,22 @@ def test_running_mean_is_subtracted_and_saved():
         assert_close(each(second.clone())["next", "reward_tsr"], torch.tensor([[0.2], [0.0]]))
 
 
+def test_a_simulation_that_takes_no_step_is_paid_nothing_again(make_env):
+    """It still stands where it succeeded; TorchRL's "_step" says that the others go on."""
+    transform = TerminalStateReward(Slot(), baseline="running_mean", momentum=1.0)
+    before = steps([0.2, 0.2], [0.5, 0.25], success=(True, True))
+    transform._step(before.exclude("next"), before["next"])
+    assert transform.successes == 2 and transform.mean == pytest.approx(0.375)
+    again = steps([0.5, 0.25], [0.5, 0.75], success=(True, True)).set("_step", torch.tensor([False, True]))
+    paid = transform._step(again.exclude("next"), again["next"])["reward_tsr"]
+    assert transform.successes == 3 and transform.mean == pytest.approx(0.75)
+    assert_close(paid, torch.zeros(2, 1))
+    mixture = RewardMixture({"tsr": 1.0})
+    again["next", "reward_tsr"] = torch.ones(2, 1)
+    paid = mixture._step(again.exclude("next"), again["next"])["reward"].squeeze(-1)
+    assert paid[0] == 0 and paid[1] != 0
+
+
 def test_mixture_sums_once_and_prints_its_weights():
     mixture = RewardMixture({"env": 0.5, "gail": 0.25, "tsr": 100.0}, 0.1, scales={"gail": 2.0})
     assert mixture.effective_weights() == pytest.approx(
@@ -142,6 +159,12 @@ def test_chained_starts_go_to_rows_being_reset(make_env, policy):
     assert env.transform.draws == {"chained": chained, "environment": 50 - chained}
     rollout = env.rollout(6, policy, break_when_any_done=False)
     assert sum(env.transform.draws.values()) == 100 + int(rollout["next", "done"][:, :-1].sum())
+
+
+def test_around_workers_that_would_drop_the_starts_it_is_refused(make_env):
+    env = TransformedEnv(ParallelEnv(2, make_env), SkillChainReset(FixedStarts(), probability=1.0))
+    with pytest.raises(InvalidValueError, match="append it to the environment that each worker makes"):
+        env.reset()
 
 
 def test_without_starts_the_environment_begins(make_env):

@@ -8,6 +8,7 @@ from small_skill import same, small_skill, state_of
 from tensordict import TensorDict
 
 from tstar_rl.chaining.skill import Skill
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.rollouts.collection import Collection, with_starts
 from tstar_rl.transforms import RewardMixture
 from tstar_rl.updates import PolicyUpdate, PPOSettings
@@ -34,6 +35,16 @@ def test_ppo_learns_to_move(make_env):
     for _ in range(10):
         update(reward(collection.rollout()))
     assert float(skill.policy.get_dist(obs).mean[0, 0].detach()) > before + 0.2
+
+
+@pytest.mark.parametrize("shape", [(256,), (2, 8, 16)])
+def test_a_rollout_of_another_shape_is_refused(make_env, shape):
+    """Time would be taken for simulations, and the values of others for those of the next states."""
+    skill = small_skill()
+    update = PolicyUpdate(skill.policy, skill.value, PPOSettings(), skill.return_scale)
+    rollout = RewardMixture({"env": 1.0})(rollouts(make_env, skill).rollout())
+    with pytest.raises(InvalidValueError, match=rf"\(simulations, steps\); got batch size \[{shape[0]}"):
+        update(rollout.reshape(shape))
 
 
 def test_critic_warmup_leaves_the_actor_alone(make_env):

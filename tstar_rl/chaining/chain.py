@@ -48,7 +48,7 @@ class ChainPolicy(TensorDictModuleBase):
         self._piece, self._width = skills[0].task, skills[0].obs_dim
 
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
-        """tensordict: batch [N] -> the same with "action" (N, 9).
+        """tensordict: any batch size -> the same with "action" (*batch, 9).
 
         Raises:
             ValueError: if its observations are of another piece, as far as their width tells.
@@ -58,8 +58,8 @@ class ChainPolicy(TensorDictModuleBase):
             raise ValueError(
                 f"this chain is of {self._piece}, whose observations have {self._width} numbers; got {width}"
             )
-        subtask = tensordict["subtask"].squeeze(-1).clamp(0, len(self.policies) - 1)
-        observation = tensordict.select("observation")
+        subtask = tensordict["subtask"].reshape(-1).clamp(0, len(self.policies) - 1)
+        observation = tensordict.select("observation").reshape(-1)
         action = None
         for index, policy in enumerate(self.policies):
             rows = (subtask == index).nonzero().squeeze(-1)
@@ -69,7 +69,9 @@ class ChainPolicy(TensorDictModuleBase):
             if action is None:
                 action = torch.zeros((*subtask.shape, part.shape[-1]), dtype=part.dtype, device=part.device)
             action[rows] = part
-        return tensordict.set("action", action)
+        if action is None:  # a batch of no rows
+            action = self.policies[0](observation)["action"]
+        return tensordict.set("action", action.reshape(*tensordict.batch_size, action.shape[-1]))
 
 
 def save_chain(skills: Sequence[Skill], path: Path, **record: Any) -> None:

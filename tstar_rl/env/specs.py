@@ -65,5 +65,5 @@ def spec_of(tensordict: TensorDictBase) -> Composite:
 
 def _leaf_spec(value: Tensor) -> Any:
     if value.dtype == torch.bool:
-        return Binary(value.shape[-1], value.shape, dtype=torch.bool)
+        return Categorical(2, value.shape, dtype=torch.bool)  # Binary wants a last dimension of its own
     return Unbounded(value.shape, dtype=value.dtype)

@@ -76,7 +76,8 @@ class Normalizer(nn.Module):
     def raise_to(self, floor: float) -> int:
         """Raises the deviations below `floor` to it, after the fact; returns how many there were.
 
-        The networks behind see the same as before of every input that varied more than that when it was fitted.
+        The networks behind see the same as before of every input that varied more than that when it was fitted. `fit`
+        and `update` undo it.
 
         Raises:
             ValueError: if the floor is not positive.
@@ -91,7 +92,7 @@ class Normalizer(nn.Module):
         """Raises the deviations to those of obs (..., obs_dim) around the mean that is there; returns how many rose.
 
         The networks behind see the same as before of every input that varied more than that when it was fitted. Without
-        any observations nothing is changed.
+        any observations nothing is changed. `fit` and `update` undo it, and `floor_found` takes what rose for a floor.
         """
         if not obs.numel():
             return 0

@@ -33,7 +33,7 @@ class OutcomeSet(StateSet):
         return self.extend(TensorDict(rows, [len(starts)]))
 
     def labels(self, label: Label) -> Tensor:
-        """What came of every start, (n,), in the order of `observations`.
+        """What came of every start, (n,), in the order of `observations`, and as these as they lie there.
 
         Raises:
             InvalidValueError: for a label that is not one of `LABELS`.

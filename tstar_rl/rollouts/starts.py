@@ -2,12 +2,12 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, cast
+from typing import Any
 
 import torch
 from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
-from torchrl.envs import Compose, TransformedEnv
+from torchrl.envs import TransformedEnv
 
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.rollouts.state_sets import TerminationSet
@@ -125,7 +125,8 @@ def start_counts(env: TransformedEnv) -> dict[str, int]:
 
 
 def _resets(env: TransformedEnv) -> list[SkillChainReset]:
-    return [each for each in cast(Compose, env.transform) if isinstance(each, SkillChainReset)]
+    """Those of an environment whose transform may be one, or several, in each other or not."""
+    return [each for each in env.transform.modules() if isinstance(each, SkillChainReset)]
 
 
 def termination_sets(env: TransformedEnv) -> list[TerminationSet]:

@@ -78,7 +78,10 @@ class StateSet:
         return self.buffer[:].clone() if len(self) else TensorDict(batch_size=[0])
 
     def observations(self) -> Tensor:
-        """The observations of all states, (n, O); (0, 1) from an empty set, which does not know O."""
+        """The observations of all states, (n, O), as they lie there: clone what is to stay when the set grows.
+
+        (0, 1) from an empty set, which does not know O.
+        """
         return self.buffer[:]["observation"] if len(self) else torch.zeros(0, 1, device=self.device)
 
     def sample(self, n: int, generator: torch.Generator) -> TensorDictBase:

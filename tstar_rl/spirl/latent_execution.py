@@ -13,8 +13,8 @@ from torchrl.modules import ProbabilisticActor
 
 __all__ = ["LatentExecution", "LatentPolicy"]
 
-OUTCOME = "_outcome"
-"""Key of the outcome of the steps so far, while one latent is played."""
+OUTCOME, BEGUN = "_outcome", "_begun"
+"""Keys of the outcome of the steps so far, and of the state in which they began, while one latent is played."""
 
 
 class LatentPolicy(TensorDictModuleBase):
@@ -85,7 +85,7 @@ class LatentExecution(Transform):
         parent = self.parent
         if parent is None:
             return tensordict  # data on its way into a replay buffer
-        latent, outcome = tensordict.get(self.latent_key), None
+        latent, outcome, begun = tensordict.get(self.latent_key), None, tensordict
         for k in range(self.horizon):
             step = torch.full(tensordict.batch_size, k, device=latent.device)
             action = self.decoder(latent, tensordict.get("observation"), step)
@@ -94,10 +94,13 @@ class LatentExecution(Transform):
                 tensordict = parent.step(tensordict)
                 outcome = self._add_step(outcome, tensordict.get("next"))
                 tensordict = parent.step_mdp(tensordict)
-        return tensordict if outcome is None else tensordict.set(OUTCOME, outcome)
+        return tensordict if outcome is None else tensordict.set(OUTCOME, outcome).set(BEGUN, begun)
 
     def _step(self, tensordict: TensorDictBase, next_tensordict: TensorDictBase) -> TensorDictBase:
-        return self._add_step(tensordict.get(OUTCOME, None), next_tensordict)
+        following = self._add_step(tensordict.get(OUTCOME, None), next_tensordict)
+        if (begun := tensordict.get(BEGUN, None)) is not None:
+            tensordict.update(begun)  # for what comes after this transform the step began there
+        return following
 
     def _add_step(self, outcome: TensorDictBase | None, following: TensorDictBase) -> TensorDictBase:
         """The outcome with one more step; rows whose episode has ended stay as they are."""

@@ -16,8 +16,8 @@ from tstar_rl.checks import InvalidValueError
 class RewardTransform(Transform):
     """Writes ("next", out_key) from (s, s') alone, in an environment, as a postproc or in a replay buffer.
 
-    A subclass says how in `reward`. In an environment the value is computed at the step; elsewhere `forward` takes
-    a batch of any shape that has a "next" entry.
+    A subclass says how in `reward`. In an environment the value is computed at the step, and is 0 where TorchRL's
+    "_step" leaves a simulation out; elsewhere `forward` takes a batch of any shape that has a "next" entry.
 
     Args:
         out_key: name of the reward, below "next".
@@ -32,7 +32,8 @@ class RewardTransform(Transform):
 
     @torch.no_grad()
     def _step(self, tensordict: TensorDictBase, next_tensordict: TensorDictBase) -> TensorDictBase:
-        next_tensordict.set(self.out_keys[0], self._checked(tensordict, next_tensordict))
+        said, taken = self._checked(tensordict, next_tensordict), taken_steps(tensordict)
+        next_tensordict.set(self.out_keys[0], said if taken is None else said * taken.unsqueeze(-1))
         return next_tensordict
 
     @torch.no_grad()
@@ -63,7 +64,7 @@ class RewardTransform(Transform):
                 f"{type(self).__name__} must give finite numbers, got {int((~said.isfinite()).sum())} of "
                 f"{said.numel()} in {self.out_keys[0]} that are not"
             )
-        return said
+        return said.to(torch.float32)
 
     def transform_reward_spec(self, reward_spec: TensorSpec) -> TensorSpec:
         """Adds the reward, (*batch, 1) and unbounded."""
@@ -78,6 +79,12 @@ class RewardTransform(Transform):
         if value is None:
             raise KeyError(f"{type(self).__name__} needs {key!r}; got only {_names(tensordict)}")
         return value
+
+
+def taken_steps(tensordict: TensorDictBase) -> Tensor | None:
+    """Which simulations take a step, (*batch,) bool; None: all. A `step` may leave some out, by TorchRL's "_step"."""
+    taken = tensordict.get("_step", None)
+    return None if taken is None else taken.reshape(tensordict.batch_size)
 
 
 def _names(tensordict: TensorDictBase) -> str:

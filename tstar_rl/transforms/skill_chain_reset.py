@@ -6,7 +6,9 @@ import torch
 from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 from torchrl.data import Binary, Composite, TensorSpec
-from torchrl.envs import Transform
+from torchrl.envs import ParallelEnv, Transform
+
+from tstar_rl.checks import InvalidValueError
 
 
 class Starts(Protocol):
@@ -31,7 +33,7 @@ class SkillChainReset(Transform):
         goes_on: whether the episodes that the snapshots were taken in go on; by default new ones begin there.
 
     Raises:
-        ValueError: if the probability is not in [0, 1].
+        ValueError: if the probability is not in [0, 1]; at a reset, if it is around a `ParallelEnv`.
 
     Source: the paper, algorithm 1 line 9; 80% and 20% from its appendix C.
     """
@@ -53,6 +55,7 @@ class SkillChainReset(Transform):
         if tensordict is None:
             assert self.parent is not None, "SkillChainReset acts in an environment"
             tensordict = TensorDict(batch_size=self.parent.batch_size, device=self.parent.device)
+        self._check_place()
         reset = tensordict.get("_reset", None)
         batch = tensordict.batch_size
         rows = torch.ones(batch.numel(), dtype=torch.bool) if reset is None else reset.reshape(-1).cpu()
@@ -62,6 +65,15 @@ class SkillChainReset(Transform):
             tensordict.set("start", start.reshape(batch).to(tensordict.device))
             self._chained = start["use"].reshape(*batch, 1)
         return tensordict
+
+    def _check_place(self) -> None:
+        """Raises InvalidValueError around an environment that would drop the starts."""
+        if isinstance(getattr(self.parent, "base_env", None), ParallelEnv):
+            raise InvalidValueError(
+                "SkillChainReset does not act around a ParallelEnv, which hands only declared entries to its workers: "
+                "append it to the environment that each worker makes. A worker's copy of `starts` does not grow with "
+                "yours; collection.backend=ray keeps them together"
+            )
 
     def _reset(self, tensordict: TensorDictBase, tensordict_reset: TensorDictBase) -> TensorDictBase:
         # Rows that are not being reset get back their own entry from TorchRL afterwards.

@@ -6,7 +6,7 @@ from torch import Tensor, nn
 
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.equations import terminal_state_reward
-from tstar_rl.transforms.reward_transform import RewardTransform
+from tstar_rl.transforms.reward_transform import RewardTransform, taken_steps
 
 
 class ConstantBonus(nn.Module):
@@ -78,7 +78,8 @@ class TerminalStateReward(RewardTransform):
         success = self.read(following, "success")
         obs = self.read(following if self.score == "terminal" else current, "observation")
         reward = torch.zeros(success.shape, dtype=obs.dtype, device=obs.device)
-        reached = success.squeeze(-1)
+        reached, taken = success.squeeze(-1), taken_steps(current)
+        reached = reached if taken is None else reached & taken
         if not reached.any():  # the usual case: the network need not run
             return reward
         scores = terminal_state_reward(self.said(obs[reached]), success[reached])

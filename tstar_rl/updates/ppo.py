@@ -12,6 +12,7 @@ from torchrl.modules import ProbabilisticActor, ValueOperator
 from torchrl.objectives import ClipPPOLoss
 from torchrl.objectives.value import GAE
 
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.models.blocks import in_blocks
 from tstar_rl.models.networks import split_encoder
 from tstar_rl.models.precision import Bfloat16
@@ -83,7 +84,16 @@ class PolicyUpdate:
         self.critic_optimizer = adam(self.critic_parameters, lr=critic_rate)
 
     def __call__(self, rollout: TensorDictBase, progress: float = 0.0) -> dict[str, float]:
-        """One update on a rollout (N, T) with ("next", "reward"); progress in [0, 1] drives the linear decay."""
+        """One update on a rollout (N, T) with ("next", "reward"); progress in [0, 1] drives the linear decay.
+
+        Raises:
+            InvalidValueError: if the rollout has another shape: T steps of each of N simulations.
+        """
+        if rollout.ndim != 2:
+            raise InvalidValueError(
+                "PPO learns from a rollout (simulations, steps); got batch size "
+                f"{list(rollout.batch_size)}. reshape(-1, steps) puts workers' simulations beside each other"
+            )
         self._set_learning_rates(progress)
         batch = self._with_advantage(rollout)
         actor_moves = self.updates >= self.settings.critic_warmup
