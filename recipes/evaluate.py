@@ -92,6 +92,7 @@ def _forget_older(table: Path, config: DictConfig) -> None:
     """Deletes a table of an earlier training, whose rows would stand beside the new ones."""
     of_a_run = config.pretrained is None and table.parent == run_folder(config, "results_dir")
     if of_a_run and table.is_file() and ended_since(table, evaluated_runs(config)):
+        print(f"{table} was of an earlier training: its rows are dropped")
         table.unlink()
 
 

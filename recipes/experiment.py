@@ -20,6 +20,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
 from tstar_rl.checks import InvalidValueError
@@ -35,6 +36,7 @@ from tstar_rl.launch.overrides import passed_on, section_of
 from tstar_rl.launch.side_by_side import Step, run_side_by_side
 from tstar_rl.launch.steps import check_step, is_done, step_config
 from tstar_rl.launch.time_limit import MORE, TimeIsOver, check_goes_on, deadline, run_until
+from tstar_rl.runs.mismatch import MACHINE_ONLY
 
 OWN = ("experiment", "processes", "minutes", "publish", "unpublished", "seeds", "tasks", "arms")
 
@@ -58,9 +60,20 @@ def main(config: DictConfig) -> None:
         raise InvalidValueError(
             f"every lane has a seed and a task of its own: seeds=[...] tasks=[...], not {one[0]}"
         )
+    changes_nothing = set(MACHINE_ONLY) - {"evaluation"}
+    other = [value for value in passed_on(OWN) if section_of(value) not in changes_nothing]
+    if config.publish and other:
+        raise InvalidValueError(
+            f"publish=true publishes the experiment as it is declared, not with {other[0]}: publish=false tries that"
+        )
     if config.minutes is not None:
         check_goes_on(config.resume, "experiment.py")
     declared, end = parse_experiment(plain(config)["experiment"]), deadline(config.minutes)
+    if declared.name != (file := HydraConfig.get().runtime.choices["experiment"]):
+        raise InvalidValueError(
+            f"experiment.name in {file}.yaml must be {file}, got {declared.name}: its runs and tables would be mixed "
+            "with that one's"
+        )
     declared.check_arms(config.arms or ())
     published = PUBLISHED / declared.name
     if config.unpublished and not PUBLISHED.is_dir():

@@ -57,7 +57,8 @@ def main(config: DictConfig) -> None:
     for name in config.formats:
         if name not in FORMATS:
             raise InvalidValueError(f"formats must be of {', '.join(FORMATS)}; got {name!r}")
-    name = config.dataset or _name(config)
+    drawn = "" if config.path is None or config.mode == "deterministic" else f"_{config.mode}"
+    name = config.dataset or f"{_name(config)}{drawn}"
     if not name or name != _allowed(name):
         raise InvalidValueError(
             f"dataset must be of letters, digits, - and _, as Minari's names are; got {name!r}"
@@ -131,6 +132,10 @@ def _episodes(config: DictConfig) -> Recording:
             "only whole chains and single skills are exported"
         )
     subtask, policy = (None, ChainPolicy(skills)) if chain else (skills[0].subtask, skills[0].policy)
+    if config.subtask not in (None, subtask) or (config.whole and subtask is not None):
+        raise InvalidValueError(
+            f"{path} is of {part_name(subtask)}; got subtask={config.subtask} whole={str(config.whole).lower()}"
+        )
     seed = derive_seed(config.seed, "export", list(MODES).index(config.mode), subtask)
     torch.manual_seed(seed)
     env = environment(config, subtask, config.episodes, seed, snapshots=True).base_env

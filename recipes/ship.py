@@ -30,7 +30,7 @@ from tstar_rl.runs.run_folder import is_untrained, made_by
 from tstar_rl.shipped.chain import save_shipped
 
 FIGURES = ("episodes", "progress", "success", "success_low", "success_high", "episode_length")
-SAME = ("task", "env", "networks")
+SAME = ("task", "env", "networks", "training")
 """Sections in which the run's config must be the one given here, so that the scale recorded is the run's."""
 
 

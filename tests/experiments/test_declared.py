@@ -69,9 +69,22 @@ def test_an_arm_may_have_skills_of_its_own():
             "evaluate",
             "system=no_finetuning_wide",
             f"skills={skills}",
+            "demonstrations.may_differ=[arm_noise]",
             "video=false",
         ),  # from those of all arms
     ]
+
+
+def test_an_arm_is_evaluated_in_the_world_that_it_is_trained_in():
+    of_world = ["+env.snap=true", "env.arm_noise=0.5"]
+    arms = [
+        {"name": "weld", "recipe": "tstar", "overrides": [*of_world, "d_omega.steps=8"]},
+        {"name": "alone", "recipe": "ppo", "whole": True, "overrides": [*of_world, "ppo.epochs=1"]},
+    ]
+    steps = parse_experiment({**SMALL, "arms": arms}).steps(1, 7)
+    evaluated = [step for step in steps if step[0] == "evaluate" and "system=gail_ppo" not in step]
+    assert [step[-3:] for step in evaluated] == [(*of_world, "video=false")] * 2
+    assert not any("steps=8" in value or "epochs=1" in value for step in evaluated for value in step)
 
 
 def test_demonstrations_may_lie_elsewhere():
@@ -85,6 +98,15 @@ def test_demonstrations_may_lie_elsewhere():
     assert [[value.replace("/disk", "demonstrations/small") for value in step] for step in elsewhere] == [
         list(step) for step in usual
     ]
+
+
+def test_a_folder_that_hydra_would_read_otherwise_is_quoted():
+    wide = {"name": "no_finetuning_wide", "recipe": "no_finetuning", "skill_overrides": ["env.arm_noise=0.8"]}
+    there = replace(parse_experiment({**SMALL, "arms": [wide]}), demonstrations_dir="/o'disk (1)")
+    made = there.steps(1, 7)[0]
+    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
+        config = compose("recipe/make_demonstrations", [*made[1:3], "scale=no_return"])
+    assert config.demonstrations_dir == "/o'disk (1)/no_finetuning_wide"
 
 
 def test_the_first_skill_of_an_arm_may_be_trained_like_that_of_others():

@@ -24,6 +24,37 @@ def test_finished_runs_are_published_and_others_are_not(tmp_path):
     ]
 
 
+def test_a_run_that_was_evaluated_while_it_was_trained_is_not_finished(tmp_path):
+    """What its training took is not known then, and its tables would pass for those of the whole of it."""
+    for arm, steps in (("tstar", "1000.0"), ("paid", "")):
+        folder = tmp_path / f"a/table_lack/{arm}/seed7"
+        folder.mkdir(parents=True)
+        (folder / "evaluation.csv").write_text(f"checkpoint,env_steps,progress\nbest,{steps},1\n")
+    written = publish(tmp_path / "a", tmp_path / "b")
+    assert [file.parent.parent.name for file in written] == ["tstar"]
+
+
+def test_a_chain_of_skills_with_other_figures_is_not_published(tmp_path):
+    """As where skills were made anew on another kind of processor."""
+    skill = "t/gail_ppo/seed0/subtask0"
+    for place, progress in (
+        (f"a/{skill}", 0.5),
+        (f"b/{skill}", 0.75),
+        ("a/t/tstar/seed0", 0.5),
+        ("a/t/bc/seed0", 0.5),
+    ):
+        (tmp_path / place).mkdir(parents=True)
+        (tmp_path / place / "evaluation.csv").write_text(f"progress,minutes\n{progress},1\n")
+    (tmp_path / "a/t/tstar/seed0/config.yaml").write_text("skills: gail_ppo\n")
+    (tmp_path / "a/t/bc/seed0/config.yaml").write_text("skills: bc\n")
+    with pytest.raises(
+        ValueError, match=r"or of skills that were: .*b/t/gail_ppo.*, .*b/t/tstar/seed0/evaluation.csv; "
+    ):
+        publish(tmp_path / "a", tmp_path / "b")
+    assert (tmp_path / "b/t/bc/seed0/evaluation.csv").is_file()
+    assert not (tmp_path / "b/t/tstar/seed0/evaluation.csv").exists()
+
+
 def test_runs_that_are_not_declared_stay_where_they_are(tmp_path):
     for arm, seed in (("tstar", 7), ("tstar", 1), ("own_starts", 7)):
         folder = tmp_path / f"a/table_lack/{arm}/seed{seed}"
@@ -65,9 +96,9 @@ def test_a_run_made_anew_with_the_same_figures_keeps_its_first_tables(tmp_path):
         folder = tmp_path / place / "table_lack/gail_ppo/seed7/subtask0"
         folder.mkdir(parents=True)
         (folder / "evaluation.csv").write_text(f"progress,minutes\n0.5,{minutes}\n")
-        (folder / "config.yaml").write_text(commit)
+        (folder / "config.yaml").write_text(f"commit: {commit}\n")
     assert publish(tmp_path / "a", tmp_path / "b") == []
-    assert (folder / "config.yaml").read_text() == "old"
+    assert (folder / "config.yaml").read_text() == "commit: old\n"
 
 
 def test_other_figures_of_a_published_run_are_an_error_after_the_rest_is_copied(tmp_path):
@@ -75,7 +106,7 @@ def test_other_figures_of_a_published_run_are_an_error_after_the_rest_is_copied(
         (tmp_path / place).mkdir(parents=True)
         (tmp_path / place / "evaluation.csv").write_text(f"progress,minutes\n{progress},1\n")
     with pytest.raises(
-        ValueError, match=r"other figures than those in .*a: .*b/t/one/seed0/evaluation.csv; delete"
+        ValueError, match=r"other figures than those in .*a, or .*: .*b/t/one/seed0/evaluation.csv; delete"
     ):
         publish(tmp_path / "a", tmp_path / "b")
     assert (tmp_path / "b/t/two/seed0/evaluation.csv").is_file()

@@ -71,6 +71,15 @@ from tstar_rl.experiments.values import parse_experiment
             "a has the skills of b; .* arms with skills of their own are none",
         ),
         (
+            {
+                "arms": [
+                    {"name": "a", "recipe": "tstar", "skills_of": "b"},
+                    {"name": "b", "recipe": "tstar", "skills": "bc", "skill_overrides": ["bc.epochs=2"]},
+                ]
+            },
+            "a has the skills of b, which are trained by bc; it must have skills: bc, got gail_ppo",
+        ),
+        (
             {"arms": [{"name": "a", "recipe": "policy_sequencing", "bonus_of": "b"}]},
             "a has the bonus of b; seed 7 has a",
         ),

@@ -155,6 +155,9 @@ def test_what_is_published_is_not_run_again(queue, tmp_path):
         (["tasks=[nix]"], "experiment shelf has tasks table_lack, .*; got nix"),
         (["seeds=[310,310]"], "seeds must name each once, got 310, 310"),
         (["d_omega.stps=1"], "d_omega.stps|d_omega has no stps"),
+        (["publish=true", "d_omega.steps=1"], "as it is declared, not with d_omega.steps=1: publish=false"),
+        (["publish=true", "evaluation.whole_episodes=2"], "not with evaluation.whole_episodes=2"),
+        (["++experiment.name=d_omega"], "experiment.name in shelf.yaml must be shelf, got d_omega"),
     ],
 )
 def test_what_every_lane_would_stumble_over_is_told_before_the_first_step(queue, values, message):

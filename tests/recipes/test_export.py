@@ -46,7 +46,7 @@ def test_demonstrations_go_out_and_come_back_and_so_do_episodes(call, tmp_path, 
     values = ["episodes=2", "formats=[hdf5]", "mode=stochastic", "+env.max_steps=6"]
     call("export", *QUICK, f"path={mine}", *values)
     assert "2 episodes, of which 0 succeeded" in capsys.readouterr().out
-    again = read_hdf5(tmp_path / "exports/chair_ingolf/bc_mine_seed0_last/subtask1.hdf5")
+    again = read_hdf5(tmp_path / "exports/chair_ingolf/bc_mine_seed0_last_stochastic/subtask1.hdf5")
     assert again.made_by == "bc_mine_seed0_last, stochastic" and again.arguments["max_steps"] == 6
     assert [len(one) for one in again.episodes] == [6, 6]
     assert not (again.episodes[0].observations[0] == again.episodes[1].observations[0]).all()
@@ -98,6 +98,10 @@ def test_episodes_of_a_run_are_of_the_world_that_it_was_trained_in(call, say, tm
     assert "env.velocity_scale was 0.4 when it was saved, and is 1.0 now" in told
     elsewhere = say("export", "task=chair_ingolf", "subtask=1", f"path={run / 'last'}")
     assert "last is of task=quick, but task=chair_ingolf is asked for: give the scale" in elsewhere
+    for other, got in (("subtask=0", "subtask=0 whole=false"), ("subtask=null", "subtask=None whole=true")):
+        asked = [*values, other, f"path={run / 'last'}", f"runs_dir={tmp_path / 'none'}"]
+        told = say("export", *asked, "whole=true") if "null" in other else say("export", *asked)
+        assert f"is of subtask1; got {got}" in told
     assert not (tmp_path / "exports").exists()
     for path in ("mine", "runs/quick/mine"):  # of no run: nothing says what its world was
         shutil.copytree(tmp_path / run / "last", tmp_path / path)

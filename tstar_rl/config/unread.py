@@ -40,6 +40,8 @@ LEARN_FROM_PATHS = ("proximity", "refitted")
 """Recipes that read the states on the way, of which chain.path_steps keeps the last."""
 PAPERS = {"score": "terminal", "baseline": "none"}
 """Of terminal_reward: the paper's, which every scale has."""
+ONE_OF_THEM = "table_lack"
+"""The task of every recipe that is told none."""
 CHAINED = "chain.links takes the first skills of a chain"
 LOGGED = 2
 """chain.logged_skill of every scale, whatever the furniture: where a chain has fewer skills, it logs no states."""
@@ -72,6 +74,7 @@ def check_what_is_not_read(values: Mapping[str, Any], name: str) -> None:
         limits = "training.max_steps and chain.trial_max_steps" if chains else "training.max_steps"
         limits = "spirl.max_steps" if name == "spirl" else limits
         raise ConfigError(f"env.max_steps is not read in training: the time limit there is {limits}")
+    _check_asked(values, name)
     _check_demonstrations(values.get("demonstrations") or {})
     _check_rewards(values, name)
     if name in FINE_TUNING:
@@ -81,6 +84,24 @@ def check_what_is_not_read(values: Mapping[str, Any], name: str) -> None:
         raise ConfigError(
             f"chain.path_steps must be 0 for {name}, got {values['chain']['path_steps']}: "
             f"{' and '.join(LEARN_FROM_PATHS)} alone learn from paths"
+        )
+
+
+def _check_asked(values: Mapping[str, Any], name: str) -> None:
+    """Refuses a value that says what is asked for where another one says it."""
+    if name == "hand_over" and values["system"] != name:
+        raise ConfigError(
+            f"hand_over measures systems=[...], several at once; got system={values['system']}: give systems="
+            f"[{values['system']}]"
+        )
+    if name == "evaluate_shelf" and (values["subtask"] is not None or values["task"]["name"] != ONE_OF_THEM):
+        raise ConfigError(
+            "evaluate_shelf tries every subtask of tasks=[...], all pieces where none is named; got task="
+            f"{values['task']['name']} subtask={values['subtask']}"
+        )
+    if name == "evaluate" and values["pretrained_dir"] is not None and values["pretrained"] is None:
+        raise ConfigError(
+            f"pretrained_dir={values['pretrained_dir']} is where pretrained=<task>/<variant> lies, which is null"
         )
 
 

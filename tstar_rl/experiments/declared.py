@@ -10,6 +10,7 @@ from pathlib import Path
 
 from tstar_rl.checks import InvalidValueError, did_you_mean
 from tstar_rl.launch.bonus import BONUS
+from tstar_rl.launch.overrides import quoted, section_of
 from tstar_rl.launch.side_by_side import Step
 from tstar_rl.runs.run_folder import UNTRAINED, Place, run_path
 
@@ -59,6 +60,12 @@ class Arm:
         """The system of the skills that it starts from."""
         return f"{self.owner}/{self.skills}" if self.owner else self.skills
 
+    @property
+    def skill_settings(self) -> tuple[str, ...]:
+        """The settings of the world in which its own skills, or some of them, are trained otherwise."""
+        given = _of_world((*self.skill_overrides, *self.later_skill_overrides))
+        return tuple(dict.fromkeys(value.partition("=")[0].partition(".")[2] for value in given))
+
     def own_skills(self, subtasks: int, demonstrations: str) -> list[Step]:
         """Demonstrations, training and evaluation of skills of its own.
 
@@ -73,25 +80,46 @@ class Arm:
         system = f"system={self.name}/{self.skills}"
         for index in range(subtasks):
             overrides = (*self.skill_overrides, *(self.later_skill_overrides if index else ()))
-            made = (f"subtask={index}", f"demonstrations_dir={demonstrations}/{self.name}", *overrides)
+            made = (f"subtask={index}", _lie_in(demonstrations, self.name), *overrides)
             steps += [("make_demonstrations", *made), (self.skills, system, *made)]
             steps += [("evaluate", system, *made, "video=false")]
         return steps
 
-    def steps(self, subtasks: int, demonstrations: str) -> list[Step]:
-        """Its training and evaluation, once the skills that it starts from are there; see `own_skills`."""
+    def steps(self, subtasks: int, demonstrations: str, may_differ: Sequence[str] = ()) -> list[Step]:
+        """Its training and evaluation, once the skills that it starts from are there.
+
+        It is evaluated in the world that it is trained in.
+
+        Args:
+            subtasks: see `own_skills`.
+            demonstrations: see `own_skills`.
+            may_differ: the settings of the world in which these skills were trained otherwise.
+        """
+        world = _of_world(self.overrides)
         if self.whole:
             system = f"system={self.name}"
-            return [(self.recipe, system, *self.overrides), ("evaluate", system, "video=false")]
+            return [(self.recipe, system, *self.overrides), ("evaluate", system, *world, "video=false")]
         values = (f"system={self.name}", f"skills={self.skills_from}")
         bonus = () if self.bonus_of is None else (f"{BONUS}{self.bonus_of}",)
-        shown = (f"demonstrations_dir={demonstrations}/{self.owner}",) if self.owner else ()
+        shown = (_lie_in(demonstrations, self.owner),) if self.owner else ()
         steps: list[Step] = []
         if self.skills != SKILLS and not self.owner:
             steps += [(self.skills, f"subtask={index}") for index in range(subtasks)]
         if self.recipe != UNTRAINED:
             steps.append((self.recipe, *values, *shown, *self.overrides, *bonus))
-        return [*steps, ("evaluate", *values, "video=false")]
+        elif may_differ:
+            world = (f"demonstrations.may_differ=[{','.join(may_differ)}]",)
+        return [*steps, ("evaluate", *values, *world, "video=false")]
+
+
+def _lie_in(demonstrations: str, owner: str) -> str:
+    """The override that names the folder of an arm's own demonstrations."""
+    return f"demonstrations_dir={quoted(f'{demonstrations}/{owner}')}"
+
+
+def _of_world(overrides: Iterable[str]) -> tuple[str, ...]:
+    """Those of them that are settings of the world."""
+    return tuple(value for value in overrides if section_of(value) == "env")
 
 
 @dataclass(frozen=True)
@@ -182,7 +210,9 @@ class DeclaredExperiment:
         owners = {arm.owner for arm in arms}
         for arm in self.arms:
             steps += arm.own_skills(subtasks, made) if arm.name in owners else []
-        return [*steps, *(step for arm in arms for step in arm.steps(subtasks, made))]
+        of_skills = {arm.name: arm.skill_settings for arm in self.arms}
+        trained = (arm.steps(subtasks, made, of_skills.get(arm.owner or "", ())) for arm in arms)
+        return [*steps, *(step for each in trained for step in each)]
 
     def steps_by_commit(
         self, subtasks: int, seed: int, only: Sequence[str] | None = None

@@ -7,12 +7,15 @@ from pathlib import Path
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.runs.csv_tables import LogError, read_table
 from tstar_rl.runs.files import replacing, turn_to_write
+from tstar_rl.runs.run_config import DamagedConfigError, read_config
 from tstar_rl.runs.run_folder import Place, read_run_path
 
 __all__ = ["publish"]
 
 TABLES = ("config.yaml", "metrics.csv", "calibration.csv", "evaluation.csv")
 """In the order in which they are copied: what has the last one is whole."""
+SPENT = "env_steps"
+"""The column of an evaluation that is empty until the training has ended."""
 MEASURED = "minutes"
 """The column that two runs of the same numbers differ in."""
 
@@ -22,7 +25,8 @@ def publish(
 ) -> list[Path]:
     """Copies the tables of every finished run below `source` to the same place below `target`.
 
-    A run that lies there already is left as it is: where skills were made anew, their first tables stay.
+    A run that lies there already is left as it is: where skills were made anew, their first tables stay. One that was
+    evaluated while it was trained is not finished.
 
     Args:
         source: folder of results.
@@ -33,41 +37,54 @@ def publish(
         The files written.
 
     Raises:
-        InvalidValueError: a run was published before with other figures; the others are copied first.
+        InvalidValueError: a run was published before with other figures; the others are copied first, but for chains of
+            skills with other figures than those that are published.
         LogError: a table of a run is damaged; the others are copied first.
     """
     written, differ, damaged = [], [], []
-    for file in sorted(Path(source).rglob("evaluation.csv")):
-        run = file.relative_to(source).parent
-        if not declared(read_run_path(run)[0]):
-            continue
-        there = Path(target) / run / file.name
+    other_skills: set[tuple[str, str, int]] = set()
+    for file, there in _skills_first(Path(source), Path(target), declared):
+        place = read_run_path(there.parent.relative_to(target))[0]
         with turn_to_write(there.parent):
             try:
                 tables = _whole_tables(file.parent)
                 if there.is_file():
-                    differ += [] if _has_figures_of(there, file) else [there]
-                else:
+                    if not _has_figures_of(there, file):
+                        differ.append(there)
+                        other_skills.add((place.task, place.system, place.seed))
+                elif (place.task, read_config(file.parent).get("skills"), place.seed) in other_skills:
+                    differ.append(there)
+                elif tables:
                     written += _copy(tables, there.parent)
-            except LogError as error:
+            except (LogError, DamagedConfigError) as error:
                 damaged.append(error)
     if differ:
         raise InvalidValueError(
-            f"published before with other figures than those in {source}: {', '.join(map(str, differ))}; "
-            "delete these folders if the new runs are to replace them"
+            f"published before with other figures than those in {source}, or of skills that were: "
+            f"{', '.join(map(str, differ))}; delete these folders, with all that came of these skills, if the new runs "
+            "are to replace them"
         )
     if damaged:
         raise damaged[0]
     return written
 
 
+def _skills_first(source: Path, target: Path, declared: Callable[[Place], bool]) -> list[tuple[Path, Path]]:
+    """Each evaluation of a declared run, and where it is published; those of skills stand before those of chains."""
+    files = [(file, target / file.relative_to(source)) for file in sorted(source.rglob("evaluation.csv"))]
+    places = [read_run_path(there.parent.relative_to(target))[0] for _, there in files]
+    found = [
+        (place.subtask is None, *each) for place, each in zip(places, files, strict=True) if declared(place)
+    ]
+    return [(file, there) for _, file, there in sorted(found)]
+
+
 def _whole_tables(run: Path) -> list[Path]:
-    """The tables that a run has; raises LogError for one that is damaged."""
+    """The tables of a finished run, none of another; raises LogError for one that is damaged."""
     tables = [run / name for name in TABLES if (run / name).is_file()]
-    for table in tables:
-        if table.suffix == ".csv":
-            read_table(table)
-    return tables
+    read = {table.name: read_table(table) for table in tables if table.suffix == ".csv"}
+    spent = read["evaluation.csv"].get(SPENT)
+    return tables if spent is None or spent.notna().all() else []
 
 
 def _copy(tables: list[Path], place: Path) -> list[Path]:

@@ -23,8 +23,8 @@ def parse_experiment(values: Mapping[str, Any]) -> DeclaredExperiment:
         InvalidValueError: for a field that is not known or missing or of another type, a list that is empty or names
             something twice, a task or a recipe that is not there, seeds of a task that is not there, two arms of one
             name, an arm that trains nothing under a name of one that does, an arm whose bonus is that of an arm that
-            does not exist or has other seeds, an arm with the skills of one that has none of its own, an arm of one
-            policy for the whole task that says something of skills.
+            does not exist or has other seeds, an arm with the skills of one that has none of its own or is of another
+            recipe of skills, an arm of one policy for the whole task that says something of skills.
     """
     check(
         values,
@@ -114,8 +114,13 @@ def _check_arms(experiment: DeclaredExperiment) -> None:
     names = [arm.name for arm in experiment.arms]
     if len(set(names)) < len(names):
         raise InvalidValueError(f"experiment.arms has two arms of one name: {', '.join(names)}")
-    owners = [arm.name for arm in experiment.arms if arm.has_own_skills]
+    owners = {arm.name: arm for arm in experiment.arms if arm.has_own_skills}
     for arm in experiment.arms:
+        if arm.skills_of in owners and arm.skills != owners[arm.skills_of].skills:
+            raise InvalidValueError(
+                f"experiment.arms: {arm.name} has the skills of {arm.skills_of}, which are trained by "
+                f"{owners[arm.skills_of].skills}; it must have skills: {owners[arm.skills_of].skills}, got {arm.skills}"
+            )
         if arm.skills_of is not None and (arm.has_own_skills or arm.skills_of not in owners):
             raise InvalidValueError(
                 f"experiment.arms: {arm.name} has the skills of {arm.skills_of}; it may have no overrides of skills "

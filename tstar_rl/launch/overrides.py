@@ -6,7 +6,7 @@ from typing import Any
 
 from hydra.core.hydra_config import HydraConfig
 
-__all__ = ["chosen_scale", "known_to", "passed_on", "section_of"]
+__all__ = ["chosen_scale", "known_to", "passed_on", "quoted", "section_of"]
 
 
 def passed_on(own: Container[str]) -> list[str]:
@@ -33,6 +33,13 @@ def known_to(config: Mapping[str, Any], overrides: Iterable[str]) -> tuple[str, 
         overrides: as on the command line: `chain.rounds=2`, `+env.snap=true`, `sigma=0.1`.
     """
     return tuple(each for each in overrides if section_of(each) in config)
+
+
+def quoted(value: str) -> str:
+    """A text as the value of an override: in quotes where Hydra's grammar would read some of it otherwise."""
+    if re.fullmatch(r"[\w/.+-]*", value, re.ASCII):
+        return value
+    return "'{}'".format(value.replace("'", "\\'"))
 
 
 def section_of(value: str) -> str:
