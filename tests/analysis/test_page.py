@@ -33,16 +33,16 @@ def test_the_pages_and_the_readme_are_what_the_published_tables_say():
 
 
 QUOTED = [
-    "further_training: tstar_no_gate - buffer_bonus_no_gate", "further_training: buffer - own_starts",
-    "input_floor: floored - no_finetuning",
-    "tstar - buffer_bonus", "tstar - buffer", "further_training: tstar_no_gate - buffer_bonus_no_gate",
-    "further_training: tstar_no_gate - buffer_no_gate", "tstar_costliest - buffer_costliest",
+    "d_omega: tstar_no_gate - buffer_bonus_no_gate", "further_training: buffer - own_starts",
+    "input_floor: floored - no_finetuning", "d_omega: tstar_no_gate - buffer_bonus_no_gate",
+    "further_training: tstar_no_gate - buffer_bonus_no_gate", "further_training: tstar_no_gate - buffer_no_gate",
+    "tstar - buffer_bonus", "tstar - buffer", "tstar_costliest - buffer_costliest",
     "further_training: buffer - own_starts", "further_training: own_starts - no_finetuning",
     "buffer - no_finetuning", "gaussian - no_finetuning", "buffer_costliest - buffer",
     "in_order_cloned - tstar", "recovery: recover_always - no_finetuning", "input_floor: floored - no_finetuning",
     "input_floor chair_ingolf: floored - no_finetuning",
     "from_scratch: tstar - gaussian",
-    "both: tstar - buffer_bonus", "both: tstar - gaussian", "both: tstar - buffer",
+    "all: tstar - buffer_bonus", "both: tstar - gaussian", "both: tstar - buffer",
     "input_floor: tstar - gaussian",
     "tstar_between_costliest - buffer_costliest", "tstar_between - buffer_bonus",
     "feasibility_costliest - buffer_costliest", "from_scratch: floored - no_finetuning", "floored - no_finetuning",
@@ -55,7 +55,8 @@ QUOTED = [
     "recovery: recover_always - no_finetuning",
     "in_order_cloned - gaussian", "no_finetuning_jittered - no_finetuning", "gaussian - no_finetuning_jittered",
     "gaussian - no_finetuning", "in_order - tstar", "buffer_costliest - buffer", "tstar_costliest - tstar",
-    "tstar_costliest - buffer_costliest", "feasibility_costliest - buffer_costliest",
+    "d_omega: tstar_no_gate - buffer_bonus_no_gate", "tstar_costliest - buffer_costliest",
+    "feasibility_costliest - buffer_costliest",
     "from_scratch: tstar - gaussian", "from_scratch: tstar - buffer_bonus", "from_scratch: floored - no_finetuning",
     "recovery: recover_always - no_finetuning", "recovery: recover - recover_blind",
     "recovery: recover_90 - no_finetuning",
@@ -66,11 +67,12 @@ QUOTED = [
     "further_training: gaussian_bonus_no_gate - gaussian_no_gate",
     "further_training: gaussian_tsr_no_gate - gaussian_bonus_no_gate",
     "further_training: tstar_paper_schedule_no_gate - tstar_no_gate",
+    "d_omega: tstar_no_gate - buffer_bonus_no_gate",
     "in_order_cloned - in_order_demonstrated",
 ]  # fmt: skip
 """The arms of each difference with an interval in the notes, in their order; the last one is the README's own.
 Before the arms: the folder and the task, where these are not beyond_tstar and table_lack; `both` are that folder's arms
-and those of further_training without the gate, seeds of both."""
+and those of further_training without the gate, seeds of both; `all` has those of d_omega beside them."""
 
 
 def rounded(number: float, digits: int) -> str:
@@ -86,9 +88,10 @@ def test_differences_in_the_text_are_those_of_the_tables_and_their_intervals_are
 
     @functools.cache
     def rows(folder: str, task: str = "table_lack") -> pd.DataFrame:
-        if folder != "both":
+        if folder not in ("both", "all"):
             return read_experiment(PUBLISHED / folder).chosen(task)
         gated, kept = rows("beyond_tstar"), rows("further_training")
+        kept = pd.concat([kept, rows("d_omega")] if folder == "all" else [kept])
         kept = kept[kept["arm"].str.endswith("_no_gate")]
         return pd.concat(
             [gated, kept.assign(arm=kept["arm"].str.removesuffix("_no_gate"))], ignore_index=True
