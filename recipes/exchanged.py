@@ -1,11 +1,13 @@
 """Who mended the seams of a fine-tuned chain: its skills exchanged, one at a time, for what they were before.
 
     python recipes/exchanged.py system=tstar scale=no_return seed=1
+    python recipes/exchanged.py system=tstar against=policy_sequencing scale=no_return seed=1  # two chains' skills
 
 Nothing is trained. <results_dir>/<task>/exchanged.csv has four rows for each seam: the first skill as before or after
 fine-tuning, the second one too, and how often the second succeeds from where the first hands over. What the skills were
 before is what the chain's training noted (skills and from_checkpoint in its config.yaml). Rows of the same chain are
-replaced. exchanged.png beside it shows all chains of that checkpoint.
+replaced. exchanged.png beside it shows all chains of that checkpoint. With `against` the skills are exchanged for those
+of another chain of the same seed: in exchanged_<against>.csv `before` says those, and there is no picture.
 """
 
 from functools import partial
@@ -25,25 +27,34 @@ from tstar_rl.seams.exchange import exchange_skills
 from tstar_rl.seeds import evaluation_seed
 
 
-@recipe("exchanged", checkpoint=str, from_checkpoint=str)
+@recipe("exchanged", checkpoint=str, from_checkpoint=str, against=str | None)
 def main(config: DictConfig) -> None:
     """Measures one chain, writes and prints its table."""
     check_chain(config, config.system)
-    config.skills, config.from_checkpoint = begun_with(run_folder(config, "results_dir"), config)
-    before, after = skills_as_they_are(config, config.from_checkpoint), chain_of(config, config.system)
+    after = chain_of(config, config.system)
+    if config.against is None:
+        config.skills, config.from_checkpoint = begun_with(run_folder(config, "results_dir"), config)
+        before = skills_as_they_are(config, config.from_checkpoint)
+    else:
+        check_chain(config, config.against)
+        before = chain_of(config, config.against)
     make = partial(env_at_seam, config, evaluation_seed(config.seed, "exchange"))
     rows = []
     for each in exchange_skills(before, after, make, config.evaluation.episodes):
         rows.append(each._asdict() | share_columns("success", each.taken, each.handed))
     chain = {"system": config.system, "seed": config.seed, "checkpoint": config.checkpoint}
     place = Path(config.results_dir) / config.task.name
+    name = "exchanged" if config.against is None else f"exchanged_{config.against.replace('/', '_')}"
     table = append_rows(
-        place / "exchanged.csv",
+        place / f"{name}.csv",
         [chain | row for row in rows],
         ("system", "seed", "checkpoint"),
     )
     print(table.round(3).to_string(index=False))
     shown = table[table["checkpoint"] == config.checkpoint]
+    if config.against is not None:
+        print(place / f"{name}.csv")
+        return
     print(save_figure(exchanged_figure(shown), place / "exchanged.png"))
 
 

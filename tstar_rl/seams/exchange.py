@@ -70,7 +70,7 @@ def exchange_skills(
     """Runs both skills of every seam as they were before and as they are after, in all four ways.
 
     Args:
-        before, after: the same chain before and after fine-tuning, in order.
+        before, after: the same chain before and after fine-tuning, or two chains of the same skills, in order.
         make_env: see `MakeEnv`.
         episodes: of the first skill. Every later one begins where the chain *after* fine-tuning arrives, for all four
             ways, so that nothing else differs between them.
