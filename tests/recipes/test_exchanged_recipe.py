@@ -19,16 +19,17 @@ def test_a_chain_that_was_mended_by_its_first_skill(tmp_path, monkeypatch):
     make_skills(tmp_path)
     monkeypatch.setattr(furniture_env, "FurnitureEnv", PointChain)
     skills = [Skill.load(tmp_path / f"runs/table_lack/gail_ppo/seed0/subtask{i}/last") for i in range(4)]
+    save_chain(skills, tmp_path / "runs/table_lack/plain/seed0/last")
     skills[0].policy[0][1].module[0][-1].bias.data[1] = (
         3.0  # it now ends where y > 0, from where skill 1 succeeds
     )
     for system in ("tstar", "other"):
         save_chain(skills, tmp_path / f"runs/table_lack/{system}/seed0/last")
     places = [f"{place}_dir={tmp_path / place}" for place in ("results", "runs")]
-    for system in ("tstar", "other", "tstar"):
+    for system, against in (("tstar", "null"), ("other", "null"), ("tstar", "null"), ("tstar", "plain")):
         with initialize_config_dir(str(CONFIGS), version_base="1.3"):
             values = ["+env.max_steps=20", "progress_bar=false", "evaluation.episodes=64", f"system={system}"]
-            config = compose("recipe/exchanged", [*places, *values])
+            config = compose("recipe/exchanged", [*places, *values, f"against={against}"])
         runpy.run_path(str(ROOT / "recipes/exchanged.py"))["main"].__wrapped__(config)
     table = pd.read_csv(tmp_path / "results/table_lack/exchanged.csv")
     assert len(table) == 2 * 3 * 4, "rows of the same chain are replaced"
@@ -38,4 +39,9 @@ def test_a_chain_that_was_mended_by_its_first_skill(tmp_path, monkeypatch):
         assert first.success["before", taken_by] < 0.7 < 0.9 < first.success["after", taken_by]
     row = first.loc["after", "after"]
     assert row.success == row.taken / row.handed and row.success_low < row.success
+    two = pd.read_csv(tmp_path / "results/table_lack/exchanged_plain.csv").set_index(
+        ["handed_by", "taken_by"]
+    )
+    for versions, row in first.iterrows():  # the plain chain's skills are those before
+        assert two[two.subtask == 1].loc[versions, "taken"] == row.taken
     assert (tmp_path / "results/table_lack/exchanged.png").stat().st_size > 10_000

@@ -1,0 +1,50 @@
+"""What the first skill's ends and the second's taking over add, on numbers made by hand."""
+
+import pandas as pd
+import pytest
+
+from tstar_rl.analysis.exchanged import exchange_effects
+
+
+def seam(seed: int, **taken: int) -> list[dict]:
+    """Rows of one seam of 100 episodes: how many of 100 hand-overs are taken, by <handed_by>_<taken_by>."""
+    return [
+        {"subtask": 1, "seed": seed, "handed_by": first, "taken_by": second, "handed": 100, "taken": number}
+        for (first, second), number in ((name.split("_"), number) for name, number in taken.items())
+    ]
+
+
+def test_two_effects_by_hand_over_two_seeds():
+    one = seam(0, after_after=90, before_after=70, after_before=80, before_before=60)
+    other = seam(1, after_after=80, before_after=40, after_before=80, before_before=60)
+    found = exchange_effects(pd.DataFrame(one + other)).set_index("effect")
+    # ends: (.2 + .2) / 2 = .2 and (.4 + .2) / 2 = .3; taking over: (.1 + .1) / 2 = .1 and (0 - .2) / 2 = -.1
+    assert found.value.to_dict() == pytest.approx({"ends": 0.25, "taking over": 0.0, "both": 0.25})
+    assert found.t_half["ends"] == pytest.approx(
+        12.706 * 0.05, abs=1e-4
+    )  # a deviation of .1 / sqrt 2, two seeds
+    assert found.p_value["taking over"] == pytest.approx(1.0)
+    assert (found.seeds == 2).all() and (found.subtask == 1).all()
+    assert found.low["ends"] < 0.25 < found.high["ends"] and found.verdict["ends"] == "no clear difference"
+
+
+def test_what_all_seeds_show_is_higher():
+    rows = []
+    for seed in range(8):
+        rows += seam(seed, after_after=95 - seed, before_after=55, after_before=90, before_before=50)
+    found = exchange_effects(pd.DataFrame(rows)).set_index("effect")
+    # ends: .4 less half of seed / 100; taking over: .05 less half of seed / 100
+    assert found.value.to_dict() == pytest.approx({"ends": 0.3825, "taking over": 0.0325, "both": 0.415})
+    assert found.verdict["ends"] == found.verdict["both"] == "higher"
+
+
+def test_a_seed_whose_first_skill_hands_nothing_over_is_left_out():
+    rows = pd.DataFrame(
+        seam(0, after_after=90, before_after=70, after_before=80, before_before=60)
+        + seam(1, after_after=0, before_after=0, after_before=0, before_before=0)
+    )
+    rows.loc[(rows.seed == 1) & (rows.handed_by == "before"), "handed"] = 0
+    found = exchange_effects(rows).set_index("effect")
+    assert (found.seeds == 1).all() and found.value["ends"] == pytest.approx(0.2)
+    rows["handed"] = 0
+    assert exchange_effects(rows.assign(taken=0)).empty
