@@ -26,6 +26,7 @@ from tstar_rl.config.worlds import check_world
 from tstar_rl.demonstrations.formats import (
     Recording,
     not_reproduced,
+    of_another_world,
     read_hdf5,
     record,
     replay_demonstrations,
@@ -70,7 +71,12 @@ def main(config: DictConfig) -> None:
         if not recording.episodes:
             continue
         if "hdf5" in config.formats:
-            path = write_hdf5(recording, Path(config.exports_dir) / task / name / f"{part}.hdf5")
+            path = Path(config.exports_dir) / task / name / f"{part}.hdf5"
+            if other := of_another_world(recording, path):
+                raise InvalidValueError(
+                    f"{path} is of another world: {'; '.join(other)}. Give dataset=... or exports_dir=..., or delete it"
+                )
+            write_hdf5(recording, path)
             print(f"  {path}{_played_again(path, config) if config.check else ''}")
         if "minari" in config.formats:
             root = os.environ.get("MINARI_DATASETS_PATH") or Path(config.exports_dir) / "minari"

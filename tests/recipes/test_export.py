@@ -106,7 +106,14 @@ def test_episodes_of_a_run_are_of_the_world_that_it_was_trained_in(call, say, tm
     for path in ("mine", "runs/quick/mine"):  # of no run: nothing says what its world was
         shutil.copytree(tmp_path / run / "last", tmp_path / path)
         call("export", *values, f"path={path}")
-        assert (tmp_path / "exports/chair_ingolf/mine/subtask1.hdf5").is_file()
+        file = tmp_path / "exports/chair_ingolf/mine/subtask1.hdf5"
+        before = file.read_bytes()
+        told = say("export", *values, f"path={path}", "env.max_steps=3")
+        assert (
+            "mine/subtask1.hdf5 is of another world: max_steps was 2 when it was saved, and is 3 now. Give"
+            in told
+        )
+        assert file.read_bytes() == before
         shutil.rmtree(tmp_path / "exports")
 
 

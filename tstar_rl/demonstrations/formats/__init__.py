@@ -1,6 +1,6 @@
 """Other libraries' formats: episodes with full states as robomimic-style HDF5 and as Minari data sets, and back."""
 
-from tstar_rl.demonstrations.formats.hdf5 import write_hdf5
+from tstar_rl.demonstrations.formats.hdf5 import of_another_world, write_hdf5
 from tstar_rl.demonstrations.formats.hdf5_read import read_demonstrations, read_hdf5
 from tstar_rl.demonstrations.formats.minari_write import write_minari
 from tstar_rl.demonstrations.formats.playing import not_reproduced, record, replay, replay_demonstrations
@@ -11,6 +11,7 @@ __all__ = [
     "Recording",
     "differences",
     "not_reproduced",
+    "of_another_world",
     "read_demonstrations",
     "read_hdf5",
     "record",

@@ -25,8 +25,9 @@ from tstar_rl.checks import import_extra
 from tstar_rl.demonstrations.formats.recording import Episode, Recording
 from tstar_rl.demonstrations.formats.states import StateLayout
 from tstar_rl.runs.files import replacing, turn_to_write
+from tstar_rl.runs.mismatch import differences
 
-__all__ = ["OBSERVATION_KEY", "h5py", "write_hdf5"]
+__all__ = ["OBSERVATION_KEY", "h5py", "of_another_world", "write_hdf5"]
 
 OBSERVATION_KEY = "flat"
 GYMNASIUM = 2
@@ -55,6 +56,22 @@ def write_hdf5(recording: Recording, path: str | Path) -> Path:
     with turn_to_write(path.parent), replacing(path) as partial:
         partial.write_bytes(written.getbuffer())
     return path
+
+
+def of_another_world(recording: Recording, path: str | Path) -> list[str]:
+    """Readable differences between the world of a file that is there and a recording's; none where no file is.
+
+    Raises:
+        MissingExtraError: h5py is not installed.
+    """
+    if not Path(path).is_file():
+        return []
+    try:
+        with h5py().File(path, "r") as file:
+            there = json.loads(file["data"].attrs["env_args"])["env_kwargs"]
+    except (OSError, KeyError, ValueError):
+        return ["it is no file of episodes"]
+    return differences(there, json.loads(json.dumps(recording.arguments)))
 
 
 def _fill(file: Any, recording: Recording) -> None:
