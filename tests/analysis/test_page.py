@@ -9,6 +9,7 @@ import pytest
 import yaml
 from published_runs import THEIRS, evaluation
 
+from tstar_rl.analysis.exchanged import exchange_effects
 from tstar_rl.analysis.experiments import compare_arms, read_experiment
 from tstar_rl.analysis.page import curve_groups, replace_block, results_head, results_page, runs_page
 from tstar_rl.analysis.page.contents import read_contents
@@ -68,12 +69,13 @@ QUOTED = [
     "further_training: gaussian_bonus_no_gate - gaussian_no_gate",
     "further_training: gaussian_tsr_no_gate - gaussian_bonus_no_gate",
     "further_training: tstar_paper_schedule_no_gate - tstar_no_gate",
-    "d_omega: tstar_no_gate - buffer_bonus_no_gate",
+    "d_omega: tstar_no_gate - buffer_bonus_no_gate", "exchanged: ends", "exchanged: taking over",
     "in_order_cloned - in_order_demonstrated",
 ]  # fmt: skip
 """The arms of each difference with an interval in the notes, in their order; the last one is the README's own.
 Before the arms: the folder and the task, where these are not beyond_tstar and table_lack; `both` are that folder's arms
-and those of further_training without the gate, seeds of both; `all` has those of d_omega beside them."""
+and those of further_training without the gate, seeds of both; `all` has those of d_omega beside them;
+`exchanged` are effects at the first seam, of d_omega_exchanged.csv."""
 
 
 def rounded(number: float, digits: int) -> str:
@@ -98,12 +100,19 @@ def test_differences_in_the_text_are_those_of_the_tables_and_their_intervals_are
             [gated, kept.assign(arm=kept["arm"].str.removesuffix("_no_gate"))], ignore_index=True
         )
 
+    def measured(named: str) -> tuple:
+        folder, _, pair = named.rpartition(": ")
+        if folder == "exchanged":
+            effects = exchange_effects(pd.read_csv(PUBLISHED / "d_omega_exchanged.csv"))
+            (row,) = effects[(effects["subtask"] == 1) & (effects["effect"] == pair)].itertuples()
+            return row.value, row
+        (row,) = compare_arms(rows(*(folder or "beyond_tstar").split()), [pair.split(" - ")]).itertuples()
+        return row.difference, row
+
     wrong = []
     for named, (value, words, *ends) in zip(QUOTED, quoted, strict=True):
-        folder, _, pair = named.rpartition(": ")
-        (row,) = compare_arms(rows(*(folder or "beyond_tstar").split()), [pair.split(" - ")]).itertuples()
-        mean, half = row.difference, row.t_half
-        found = [mean, min(row.low, mean - half), max(row.high, mean + half)]
+        mean, row = measured(named)
+        found = [mean, min(row.low, mean - row.t_half), max(row.high, mean + row.t_half)]
         expected = [
             rounded(number, len(told.split(".")[1]))
             for number, told in zip(found, [value, *ends], strict=True)
