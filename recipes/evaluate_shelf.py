@@ -10,11 +10,14 @@ from pathlib import Path
 from typing import Any
 
 import torch
+from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig, OmegaConf
 
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.build import environment
 from tstar_rl.config.load import recipe
 from tstar_rl.config.values import CONFIGS, task_section
+from tstar_rl.launch.overrides import section_of
 from tstar_rl.rollouts.episodes import evaluate
 from tstar_rl.runs.csv_tables import append_rows
 from tstar_rl.seeds import evaluation_seed
@@ -26,6 +29,11 @@ KEPT = ("success", "success_low", "success_high", "progress", "episode_length")
 @recipe("evaluate_shelf", tasks=tuple[str, ...] | None)
 def main(config: DictConfig) -> None:
     """Evaluates every piece in turn and prints the table as it grows."""
+    given = HydraConfig.get().overrides.task
+    if one := [value for value in given if section_of(value) in ("task", "subtask")]:
+        raise InvalidValueError(
+            f"evaluate_shelf tries every subtask of tasks=[...], all pieces where none is named; got {one[0]}"
+        )
     path = Path(config.results_dir) / "shelf_scripted.csv"
     for task in config.tasks or sorted(file.stem for file in (CONFIGS / "task").glob("*.yaml")):
         values = task_section(task)

@@ -40,8 +40,6 @@ LEARN_FROM_PATHS = ("proximity", "refitted")
 """Recipes that read the states on the way, of which chain.path_steps keeps the last."""
 PAPERS = {"score": "terminal", "baseline": "none"}
 """Of terminal_reward: the paper's, which every scale has."""
-ONE_OF_THEM = "table_lack"
-"""The task of every recipe that is told none."""
 CHAINED = "chain.links takes the first skills of a chain"
 LOGGED = 2
 """chain.logged_skill of every scale, whatever the furniture: where a chain has fewer skills, it logs no states."""
@@ -93,11 +91,6 @@ def _check_asked(values: Mapping[str, Any], name: str) -> None:
         raise ConfigError(
             f"hand_over measures systems=[...], several at once; got system={values['system']}: give systems="
             f"[{values['system']}]"
-        )
-    if name == "evaluate_shelf" and (values["subtask"] is not None or values["task"]["name"] != ONE_OF_THEM):
-        raise ConfigError(
-            "evaluate_shelf tries every subtask of tasks=[...], all pieces where none is named; got task="
-            f"{values['task']['name']} subtask={values['subtask']}"
         )
     if name == "evaluate" and values["pretrained_dir"] is not None and values["pretrained"] is None:
         raise ConfigError(
