@@ -21,6 +21,7 @@ __all__ = [
     "demonstrations_path",
     "demonstrations_seed",
     "load_demonstrations",
+    "other_settings",
     "part_name",
 ]
 
@@ -93,7 +94,7 @@ def load_demonstrations(config: DictConfig, subtask: int | None) -> "Demonstrati
             "demonstrations.may_differ=[...]"
         )
         made = _otherwise_noisy(config, config.demonstrations.kind, found.noise)
-    if wrong := [*_other_settings(config, found.arguments), *made]:
+    if wrong := [*other_settings(config, found.arguments), *made]:
         raise DemonstrationError(f"{path}: {'; '.join(wrong)}; {hint}")
     return found.to(config.device)
 
@@ -122,7 +123,7 @@ def check_made(config: DictConfig, subtask: int | None, kind: str) -> None:
     made = read_made(path)
     found = {"task": made.header["task"], "subtask": made.header["subtask"]}
     wrong = differences(found, {"task": config.task.name, "subtask": subtask})
-    wrong += _other_settings(config, made.header["arguments"])
+    wrong += other_settings(config, made.header["arguments"])
     wrong += _otherwise_made(config, kind, made.header["kind"], made.episodes, made.noise)
     wrong += _other_furniture(config, made.furniture)
     if wrong:
@@ -168,8 +169,8 @@ def _other_furniture(config: DictConfig, found: str | None) -> list[str]:
     ]
 
 
-def _other_settings(config: DictConfig, arguments: Mapping[str, Any]) -> list[str]:
-    """Readable differences between the settings of demonstrations and the config's."""
+def other_settings(config: DictConfig, arguments: Mapping[str, Any], section: str = "") -> list[str]:
+    """Readable differences between the settings of demonstrations, or of a skill, and the config's, of that section."""
     from tstar_rl.env.task_tables import DEFAULT_SETTINGS
 
     may_differ = (*config.demonstrations.may_differ, *ANY_VALUE)
@@ -177,4 +178,4 @@ def _other_settings(config: DictConfig, arguments: Mapping[str, Any]) -> list[st
         raise InvalidValueError(f"demonstrations.may_differ has {told}")
     saved, wanted = DEFAULT_SETTINGS | dict(arguments), DEFAULT_SETTINGS | plain(config.env)
     compared = [name for name in DEFAULT_SETTINGS if name not in may_differ]
-    return differences({k: saved[k] for k in compared}, {k: wanted[k] for k in compared})
+    return differences({k: saved[k] for k in compared}, {k: wanted[k] for k in compared}, section)

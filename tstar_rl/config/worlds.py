@@ -4,16 +4,12 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from tstar_rl.config.values import plain
-from tstar_rl.env.task_tables import DEFAULT_SETTINGS
+from tstar_rl.config.demonstrations import other_settings
 from tstar_rl.runs.checkpoint import read_record
-from tstar_rl.runs.mismatch import CheckpointMismatchError, differences
+from tstar_rl.runs.mismatch import CheckpointMismatchError
 from tstar_rl.runs.run_config import read_config
 
 __all__ = ["check_world"]
-
-ANY_VALUE = ("max_steps",)
-"""Settings of an environment that no training has."""
 
 
 def check_world(config: DictConfig, folder: Path, results: Path | None = None) -> None:
@@ -31,12 +27,7 @@ def check_world(config: DictConfig, folder: Path, results: Path | None = None) -
     env = read_record(folder).get("env") or (read_config(results).get("env") if results else None)
     if env is None:
         return
-    may_differ = (*config.demonstrations.may_differ, *ANY_VALUE)
-    then, now = (
-        {name: value for name, value in (DEFAULT_SETTINGS | one).items() if name not in may_differ}
-        for one in (env, plain(config)["env"])
-    )
-    if wrong := differences(then, now, "env"):
+    if wrong := other_settings(config, env, "env"):
         raise CheckpointMismatchError(
             f"{folder} was trained in another world: {'; '.join(wrong)}. Give the scale that it has, or what has this "
             "scale (runs_dir=... and results_dir=... keep scales apart), or name the settings in "
