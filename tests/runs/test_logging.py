@@ -14,6 +14,7 @@ from saved_run import a_run
 from tstar_rl.analysis.tables import commit_of, short_commit
 from tstar_rl.rollouts.episodes import MODES
 from tstar_rl.runs import versions
+from tstar_rl.runs.chain_rows import terminal_state_rows
 from tstar_rl.runs.run_config import note_evaluation
 from tstar_rl.runs.run_folder import Place, made_by, read_run_path, run_path
 from tstar_rl.seeds import EVALUATIONS, derive_seed, evaluation_seed
@@ -153,10 +154,10 @@ def test_the_bar_says_the_mean_success_of_the_rows_so_far_and_then_of_the_last_o
 def test_terminal_states_and_the_best_so_far_are_resumed(tmp_path):
     run = a_run(tmp_path, trials=True)
     run.start()
-    run.log_terminal_states(5, 2, torch.tensor([[0.1234567, 1.0]]))
+    run.terminal_states.extend(terminal_state_rows(5, 2, torch.tensor([[0.1234567, 1.0]])))
     run.log(10, trial_progress=0.8)
     run.save_if_due(0)
-    run.log_terminal_states(15, 2, torch.zeros(3, 2))
+    run.terminal_states.extend(terminal_state_rows(15, 2, torch.zeros(3, 2)))
     again = a_run(tmp_path, trials=True)
     assert again.start() == 10
     again.log(20, trial_progress=0.7)

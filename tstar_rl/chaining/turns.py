@@ -22,6 +22,7 @@ from tstar_rl.chaining.signals import judge
 from tstar_rl.chaining.trials import Trial, run_trial
 from tstar_rl.chaining.turn_starts import TurnStarts
 from tstar_rl.env.layout import NUM_PHASES, PARTS
+from tstar_rl.runs.chain_rows import calibration_rows, terminal_state_rows
 
 __all__ = ["Seam", "Turn", "chain_turns"]
 
@@ -86,7 +87,7 @@ class Turn(TurnStarts):
             columns, curve = judge(name, signal, handed.starts, handed.succeeded, outcomes[label])
             found |= columns
             if curve is not None:
-                self.run.log_calibration(self.steps, self.index, name, curve)
+                self.run.calibration.extend(calibration_rows(self.steps, self.index, name, curve))
         if not self.has_learned("d_omega", self.following):
             return found
         with torch.no_grad():
@@ -124,7 +125,7 @@ class Turn(TurnStarts):
         if self.index == settings.logged_skill:
             reached = rollout["next", "observation"][rollout["next", "success"].squeeze(-1)]
             poses = reached[: settings.logged_states, PARTS:-NUM_PHASES]  # of all parts, (n, 7 P)
-            self.run.log_terminal_states(self.steps, self.index, poses)
+            self.run.terminal_states.extend(terminal_state_rows(self.steps, self.index, poses))
 
 
 def chain_turns(chain: ChainTraining, **record: Any) -> Iterator[Turn]:

@@ -1,6 +1,6 @@
 """CSV tables that outlive a process killed at any moment: rows are added at the end, anything else is done at once."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -64,6 +64,11 @@ class MetricsLog:
         else:
             _replace(self.path, text)
         self.columns, self.rows = columns, self.rows + 1
+
+    def extend(self, rows: Iterable[Mapping[str, Any]]) -> None:
+        """Adds rows, one after the other."""
+        for row in rows:
+            self.append(row)
 
     def check(self, rows: int) -> None:
         """Raises a LogError if the file has not as many whole rows."""

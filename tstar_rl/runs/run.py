@@ -8,10 +8,9 @@ a chain terminal_states.csv and calibration.csv);
 import json
 import shutil
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from torch import Tensor
 from torchrl.checkpoint import GlobalRNGState
 from tqdm import tqdm
 
@@ -178,32 +177,6 @@ class Run:
         self.timing.append({"env_steps": env_steps, "minutes": self.seconds / 60, "steps": steps})
         self.bar.update(env_steps - self.bar.n)
         self.bar.set_postfix(success=str(self.best))
-
-    def log_terminal_states(self, env_steps: int, skill: int, poses: Tensor) -> None:
-        """Adds one row of terminal_states.csv for each state in which a skill succeeded.
-
-        Args:
-            env_steps: of the run so far.
-            skill: which of the chain.
-            poses: (n, 7 P), position in m and quaternion of each part, world.
-        """
-        for pose in poses.tolist():
-            numbers = {f"pose_{index}": round(number, 5) for index, number in enumerate(pose)}
-            self.terminal_states.append({"env_steps": env_steps, "skill": skill, **numbers})
-
-    def log_calibration(self, env_steps: int, skill: int, signal: str, curve: Iterable[Tensor]) -> None:
-        """Adds one row of calibration.csv for each bin of a reliability curve.
-
-        Args:
-            env_steps: of the run so far.
-            skill: after which the states were handed over.
-            signal: that scored them.
-            curve: mean score, mean outcome and number of states of each bin, (b,) each.
-        """
-        rows = zip(*(each.tolist() for each in curve), strict=True)
-        for score, outcome, states in rows:
-            numbers = {"score": score, "outcome": outcome, "states": states}
-            self.calibration.append({"env_steps": env_steps, "skill": skill, "signal": signal, **numbers})
 
     def save_if_due(self, every: int) -> None:
         """Writes a checkpoint if `every` environment steps have gone by since the last one.
