@@ -19,7 +19,6 @@ from omegaconf import DictConfig
 
 import tstar_rl as rl
 from tstar_rl.checks import InvalidValueError
-from tstar_rl.runs.chain_rows import calibration_rows
 
 
 @rl.recipe("recover", recovery=rl.Section, feasibility=rl.Section, from_checkpoint=str)
@@ -47,7 +46,7 @@ def main(config: DictConfig) -> None:
             judged, curve = rl.judge_outcomes(skill, fresh.skills[index])
             log |= judged | {"trial_steps": fresh.steps() if index == 1 else 0}
             if curve is not None:
-                run.calibration.extend(calibration_rows(steps, index - 1, "feasibility", curve))
+                run.calibration.extend(rl.calibration_rows(steps, index - 1, "feasibility", curve))
         shares.append(recovery.share_of(logit))
         run.log(steps, skill=index, sent_home=shares[-1], **log)
     rule = {"settings": asdict(recovery), "shares": shares}

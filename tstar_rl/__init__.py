@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from tstar_rl.rollouts.collection import Collection
     from tstar_rl.rollouts.labels import Label
     from tstar_rl.rollouts.state_sets import InitiationSet, TerminationSet
+    from tstar_rl.runs.chain_rows import calibration_rows
     from tstar_rl.runs.run import Run
     from tstar_rl.seeds import derive_seed
     from tstar_rl.shipped.catalogue import load_pretrained, pretrained
@@ -73,6 +74,7 @@ HOMES = {
     "TerminalStateReward": "transforms",
     "TerminationSet": "rollouts.state_sets",
     "behaviour_cloning": "updates",
+    "calibration_rows": "runs.chain_rows",
     "chain_turns": "config.chain",
     "derive_seed": "seeds",
     "environment": "config.build",
@@ -127,6 +129,7 @@ __all__ = [
     "TerminationSet",
     "__version__",
     "behaviour_cloning",
+    "calibration_rows",
     "chain_turns",
     "derive_seed",
     "environment",
