@@ -13,10 +13,10 @@ from tstar_rl.config.values import CONFIGS
 RECIPE = Path(__file__).resolve().parents[2] / "recipes/assemble.py"
 
 
-@pytest.fixture
-def steps(tmp_path) -> list[tuple[str, ...]]:
+@pytest.fixture(scope="module")
+def steps(tmp_path_factory) -> list[tuple[str, ...]]:
     """Those that the recipe runs in an empty folder; T-STAR leaves a table in which it was paid .5 a success."""
-    run: list[tuple[str, ...]] = []
+    tmp_path, run = tmp_path_factory.mktemp("assemble"), []
     given = [f"{place}_dir={tmp_path / place}" for place in ("results", "runs", "demonstrations")]
     paid = {"episodes": [10], "success_rate": [0.4], "tsr_on_success": [0.5]}
 
