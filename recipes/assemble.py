@@ -6,6 +6,7 @@ What is given on the command line is passed on to every step. A step that is don
 goes on from its last checkpoint. With launch=ray the steps run wherever a cluster has room.
 """
 
+import itertools
 import time
 from pathlib import Path
 
@@ -13,10 +14,10 @@ from omegaconf import DictConfig
 
 from tstar_rl.config.load import recipe
 from tstar_rl.launch.backends import launcher
-from tstar_rl.launch.bonus import BONUS, with_bonus, without_bonus
+from tstar_rl.launch.bonus import BONUS, with_bonus, with_some_bonus, without_bonus
 from tstar_rl.launch.overrides import chosen_scale, passed_on
 from tstar_rl.launch.side_by_side import Step, run_side_by_side
-from tstar_rl.launch.steps import missing
+from tstar_rl.launch.steps import check_step, is_done, missing
 from tstar_rl.runs.csv_tables import append_rows
 
 OWN = ("processes", "seeds")  # values that only this recipe knows
@@ -52,14 +53,23 @@ def main(config: DictConfig) -> None:
         run_side_by_side([left(lane) for lane in lanes], shared, config.processes, one)
 
     skills = [(f"seed={seed}", one) for seed in seeds for one in subtasks]
-    at_once([[("make_demonstrations", *skill, kinds), ("gail_ppo", *skill)] for skill in skills])
     chains = [lane for seed in seeds for lane in _chains(f"seed={seed}")]
+    _check(chains, shared)
+    at_once([[("make_demonstrations", *skill, kinds), ("gail_ppo", *skill)] for skill in skills])
     at_once([*chains, *([("evaluate", "system=gail_ppo", *skill)] for skill in skills)])
     run(("plot",), shared)
     minutes = (time.perf_counter() - began) / 60
     print(f"all of it took {minutes:.1f} minutes")
     if from_nothing:
         _note_minutes(config, chosen_scale(), len(seeds), minutes)
+
+
+def _check(chains: list[list[Step]], shared: list[str]) -> None:
+    """Tells a mistake in the values of a chain before its skills are trained, and a finished chain of other values."""
+    for step in itertools.chain(*chains):
+        if step[0] != "evaluate":
+            check_step(with_some_bonus(step), shared)
+            is_done(with_some_bonus(step), shared, ignored=("bonus",))
 
 
 def _seed(step: Step) -> int:

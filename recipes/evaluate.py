@@ -32,11 +32,14 @@ from tstar_rl.launch.evaluations import check_evaluation
 from tstar_rl.launch.run_folders import begun_with, ended_since, evaluated_runs, run_folder
 from tstar_rl.rollouts.episodes import evaluate, same_policy
 from tstar_rl.rollouts.recorder import Recorder
-from tstar_rl.runs.csv_tables import append_rows
+from tstar_rl.runs.csv_tables import append_rows, rows_stay
 from tstar_rl.runs.run_config import note_evaluation
 from tstar_rl.runs.run_folder import is_untrained, run_path
 from tstar_rl.seeds import evaluation_seed
 from tstar_rl.shipped.chain import ShippedChain
+
+KEY = ("checkpoint", "mode", "seed")
+"""Of which there is one row in a table."""
 
 
 class Candidate(NamedTuple):
@@ -79,10 +82,11 @@ def main(config: DictConfig) -> None:
             env.close()
             film = False  # the first checkpoint's first mode alone
     _forget_older(results / "evaluation.csv", config)
-    note_evaluation(results, plain(config))  # first: a table whose world nobody noted would pass for any
-    table = append_rows(results / "evaluation.csv", rows, ("checkpoint", "mode", "seed"))
-    print(table.round(3).to_string(index=False))
-    print(results / "evaluation.csv")
+    file = results / "evaluation.csv"
+    # First: a table whose world nobody noted would pass for any.
+    note_evaluation(results, plain(config), rows_stay(file, rows, KEY))
+    print(append_rows(file, rows, KEY).round(3).to_string(index=False))
+    print(file)
     for policy in policies.values():
         if isinstance(policy, ShippedChain):
             print(*(policy.compare(row, plain(config)["env"]) for row in rows), sep="\n")

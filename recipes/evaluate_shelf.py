@@ -35,8 +35,10 @@ def main(config: DictConfig) -> None:
             f"evaluate_shelf tries every subtask of tasks=[...], all pieces where none is named; got {one[0]}"
         )
     path = Path(config.results_dir) / "shelf_scripted.csv"
-    for task in config.tasks or sorted(file.stem for file in (CONFIGS / "task").glob("*.yaml")):
-        values = task_section(task)
+    tasks = config.tasks or sorted(file.stem for file in (CONFIGS / "task").glob("*.yaml"))
+    for task, values in {
+        task: task_section(task) for task in tasks
+    }.items():  # a name that is none is told first
         rows = _rows(OmegaConf.merge(config, {"task": values}))  # pyright: ignore[reportArgumentType]
         table = append_rows(path, rows, ("task", "subtask", "seed"))
         print(table[table.task == task].round(3).to_string(index=False), flush=True)

@@ -48,3 +48,12 @@ def test_a_seed_whose_first_skill_hands_nothing_over_is_left_out():
     assert (found.seeds == 1).all() and found.value["ends"] == pytest.approx(0.2)
     rows["handed"] = 0
     assert exchange_effects(rows.assign(taken=0)).empty
+
+
+def test_seeds_that_all_show_the_same_are_certain():
+    """Student's test of differences without any spread: p is 0 where they are not 0, and 1 where they are."""
+    alike = {"after_after": 90, "before_after": 70, "after_before": 90, "before_before": 70}
+    rows = [row for seed in range(3) for row in seam(seed, **alike)]
+    found = exchange_effects(pd.DataFrame(rows)).set_index("effect")
+    assert found.value.to_dict() == pytest.approx({"ends": 0.2, "taking over": 0.0, "both": 0.2})
+    assert found.p_value["ends"] < 1e-12 and found.p_value["taking over"] == 1.0

@@ -120,6 +120,19 @@ def test_the_gap_of_an_arm_with_skills_of_its_own_is_of_these(two_arms):
     assert gaps.loc[("wider", 0), "product"] == pytest.approx((0.5 + 0.25) / 2)
 
 
+def test_the_gap_of_a_chain_that_began_with_the_best_skills_is_of_these(two_arms):
+    write_arm(two_arms, "from_best", 0, [0.5, 0.5])
+    file = two_arms / "table" / "from_best" / "seed0" / "config.yaml"
+    file.write_text(file.read_text() + "from_checkpoint: best\n")
+    for subtask in (0, 1):
+        of_skill = two_arms / "table" / "skills" / "seed0" / f"subtask{subtask}" / "evaluation.csv"
+        last = pd.read_csv(of_skill)
+        pd.concat([last, last.assign(checkpoint="best", success=0.9)]).to_csv(of_skill, index=False)
+    gaps = hand_over_gaps(read_experiment(two_arms), "table").set_index(["arm", "seed"])
+    assert gaps.loc[("from_best", 0), "product"] == pytest.approx((0.9 + 0.81) / 2)
+    assert gaps.loc[("tstar", 0), "product"] == pytest.approx(0.975)
+
+
 def test_without_a_try_of_the_skills_there_is_no_gap(tmp_path):
     write_arm(tmp_path, "tstar", 0, [1.0, 0.5])
     assert hand_over_gaps(read_experiment(tmp_path), "table")["gap"].isna().all()

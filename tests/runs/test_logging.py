@@ -15,6 +15,7 @@ from tstar_rl.analysis.tables import commit_of, short_commit
 from tstar_rl.rollouts.episodes import MODES
 from tstar_rl.runs import versions
 from tstar_rl.runs.chain_rows import terminal_state_rows
+from tstar_rl.runs.csv_tables import append_rows, rows_stay
 from tstar_rl.runs.run_config import note_evaluation
 from tstar_rl.runs.run_folder import Place, made_by, read_run_path, run_path
 from tstar_rl.seeds import EVALUATIONS, derive_seed, evaluation_seed
@@ -77,6 +78,23 @@ def test_the_config_of_a_training_stays_and_that_of_an_evaluation_follows_the_ne
         note_evaluation(tmp_path / "script", {"seed": seed})
         noted = yaml.safe_load((tmp_path / "script" / "config.yaml").read_text())
         assert noted["seed"] == seed and noted["evaluation_only"] and noted["versions"] == trained["versions"]
+
+
+def test_rows_that_stay_keep_the_commit_that_they_came_from(tmp_path, monkeypatch):
+    key, file = ("checkpoint",), tmp_path / "script" / "evaluation.csv"
+
+    def evaluate(commit, *checkpoints):
+        monkeypatch.setattr(versions, "commit", lambda: commit)
+        rows = [{"checkpoint": name, "success": 1.0} for name in checkpoints]
+        note_evaluation(file.parent, {"seed": 5}, rows_stay(file, rows, key))
+        append_rows(file, rows, key)
+        return commit_of(file.parent)
+
+    assert evaluate("a" * 40, "last") == "a" * 40
+    assert evaluate("b" * 40, "best") == "+".join(("a" * 40, "b" * 40))
+    assert evaluate("c" * 40, "last", "best") == "c" * 40
+    kept = yaml.safe_load((file.parent / "config.yaml").read_text())
+    assert kept["evaluation_only"] and "later" not in kept
 
 
 def test_a_run_that_goes_on_or_is_evaluated_with_other_code_says_so(tmp_path, monkeypatch):

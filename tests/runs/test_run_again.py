@@ -1,5 +1,7 @@
 """A run that is called again: what goes on, what begins anew, and what is refused."""
 
+import shutil
+
 import pytest
 import torch
 from saved_run import a_run, a_run_that_saved, contents
@@ -135,6 +137,21 @@ def test_the_tables_of_a_run_of_other_values_are_not_touched(own_checkpoint, tmp
     with pytest.raises(CheckpointMismatchError, match="results.*size was 1.*is 2 now.*keep runs apart"):
         a_run(tmp_path, **mine).start()
     assert contents(tmp_path / "results") == before
+
+
+def test_tables_whose_run_is_elsewhere_are_not_trained_over(tmp_path):
+    """As where results were copied without runs, or runs were deleted to save space."""
+    run = a_run(tmp_path)
+    run.start()
+    run.log(10, progress=0.9)
+    (run.results / "evaluation.csv").write_text("progress\n1\n")
+    run.finish()
+    shutil.rmtree(tmp_path / "runs")
+    before = contents(tmp_path / "results")
+    with pytest.raises(MissingFileError, match="nothing of it is in .*runs.*resume=false starts over"):
+        a_run(tmp_path).start()
+    assert contents(tmp_path / "results") == before
+    assert a_run(tmp_path, resume=False).start() == 0 and not (run.results / "evaluation.csv").exists()
 
 
 def test_the_config_of_an_evaluation_alone_is_no_run_to_go_on_with(tmp_path):

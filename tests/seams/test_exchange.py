@@ -65,6 +65,12 @@ def test_later_seams_begin_where_the_chain_arrives_after_fine_tuning(tmp_path):
     assert found[8].episodes == found[7].handed > 0.9 * EPISODES
 
 
+def test_chains_of_other_lengths_are_told_before_anything_is_run(tmp_path):
+    skills = chain(tmp_path)
+    with pytest.raises(ValueError, match="must have the same skills, got 2 and 4: chain.links"):
+        exchange_skills(skills[:2], skills, lambda *given: pytest.fail("it ran"), EPISODES)
+
+
 def test_nothing_is_run_from_no_states(tmp_path):
     nothing = TensorDict({"snapshot": TensorDict(batch_size=[0])}, [0])
     assert not run_from(make_env, 1, chain(tmp_path)[1], nothing, 5).batch_size[0]

@@ -1,10 +1,7 @@
 """What exchanging the skills of a seam between two chains says: where the first ends, or how the second takes over."""
 
-import math
-
 import numpy as np
 import pandas as pd
-from scipy.stats import t as student
 
 from tstar_rl.analysis.statistics import (
     RESAMPLES,
@@ -14,6 +11,7 @@ from tstar_rl.analysis.statistics import (
     resampled_means,
     seed_means,
     student_half,
+    student_p,
 )
 
 __all__ = ["EFFECTS", "exchange_effects"]
@@ -72,7 +70,5 @@ def _effect(cells: list[list[Array]], signs: tuple[int, ...]) -> Difference:
 
     of_seeds = summed([seed_means(cell) for cell in cells])
     draws = summed([resampled_means(cell, chosen, rng) for cell in cells]).mean(-1)
-    mean, half, p_value = float(of_seeds.mean()), student_half(of_seeds), math.nan
-    if number > 1 and (error := float(of_seeds.std(ddof=1)) / math.sqrt(number)):
-        p_value = float(2 * student.sf(abs(mean) / error, number - 1))
+    mean, half, p_value = float(of_seeds.mean()), student_half(of_seeds), student_p(of_seeds)
     return Difference(mean, *interval_ends(draws), half, p_value, number)

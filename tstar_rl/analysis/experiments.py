@@ -226,9 +226,9 @@ def hand_over_gaps(experiment: Experiment, task: str, checkpoint: str = "last") 
         if tuned:
             own = _of_whole_chain(own_starts[arm, seed, checkpoint], "own_starts", row)
         else:
-            source = config_of(run_path(experiment.root, task, arm, seed)).get("skills", "gail_ppo")
-            kept = checkpoint if is_untrained(arm) else "last"  # fine-tuning begins with the last ones
-            found = alone.get((source, seed, kept))
+            config = config_of(run_path(experiment.root, task, arm, seed))
+            begun = checkpoint if is_untrained(arm) else config.get("from_checkpoint", "last")
+            found = alone.get((config.get("skills", "gail_ppo"), seed, begun))
             own = [] if found is None else _of_whole_chain(found, "success", row)
         progress, product = float(row["progress"]), product_of_skills(own) if own else math.nan
         line = {"arm": arm, "seed": seed, "progress": progress, "product": product}

@@ -29,6 +29,7 @@ __all__ = [
     "resampled_means",
     "seed_means",
     "student_half",
+    "student_p",
 ]
 
 Array = NDArray[np.floating]
@@ -149,11 +150,7 @@ def paired_difference(
     differences, number = seed_means(pair[0]) - seed_means(pair[1]), len(both)
     chosen = rng.integers(number, size=(resamples, number))
     draws = (resampled_means(pair[0], chosen, rng) - resampled_means(pair[1], chosen, rng)).mean(-1)
-    half, p_value, mean = student_half(differences), math.nan, float(differences.mean())
-    if number > 1:
-        error = float(differences.std(ddof=1)) / math.sqrt(number)
-        far = abs(mean) / error if error else math.inf if mean else 0.0
-        p_value = float(2 * student.sf(far, number - 1))
+    mean, half, p_value = float(differences.mean()), student_half(differences), student_p(differences)
     return Difference(mean, *interval_ends(draws), half, p_value, number)
 
 
@@ -163,6 +160,16 @@ def student_half(values: Array) -> float:
     if number < 2:
         return math.nan
     return float(student.ppf(0.975, number - 1)) * (float(values.std(ddof=1)) / math.sqrt(number))
+
+
+def student_p(values: Array) -> float:
+    """Two-sided p-value of Student's test that a mean over seeds is 0; nan of one seed. Source: Student 1908."""
+    number = len(values)
+    if number < 2:
+        return math.nan
+    mean, error = round(abs(float(values.mean())), DIGITS), float(values.std(ddof=1)) / math.sqrt(number)
+    far = mean / error if error else math.inf if mean else 0.0
+    return float(2 * student.sf(far, number - 1))
 
 
 def holm(p_values: ArrayLike) -> Array:

@@ -18,10 +18,10 @@ from pathlib import Path
 from typing import Any
 
 import hydra
-import yaml
 from hydra import compose, initialize_config_dir
 from hydra._internal.utils import get_args_parser
 from hydra.core.global_hydra import GlobalHydra
+from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import CompactHydraException, HydraException, MissingConfigException, OverrideParseException
 from omegaconf import DictConfig, OmegaConf, open_dict
 from omegaconf.errors import OmegaConfBaseException
@@ -245,4 +245,4 @@ def _unknown_key(key: str, configs: Path, name: str, check: Check) -> str:
 def _given(key: str) -> Any:
     """The value of a key on the command line."""
     texts = [text.split("=", 1)[1] for text in sys.argv[1:] if text.startswith(f"{key}=")]
-    return yaml.safe_load(texts[-1]) if texts else None
+    return OverridesParser.create().parse_override(f"{key}={texts[-1]}").value() if texts else None

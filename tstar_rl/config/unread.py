@@ -27,11 +27,17 @@ STEPS = (
     *ONE_POLICY,
     *FINE_TUNING,
     *OF_CHAINS,
-    "evaluate",
-    "floored",
-    "make_demonstrations",
-    "recover",
-    "refitted",
+    *(
+        "evaluate",
+        "evaluate_expert",
+        "evaluate_shelf",
+        "exchanged",
+        "export",
+        "parity",
+        "plot",
+        "plot_latents",
+    ),
+    *("floored", "make_demonstrations", "recover", "refitted", "report", "watch"),
 )
 """Our recipes that start no other."""
 LEARN_FROM_KEPT = ("feasibility", "hand_over_value", "scar_like", "tstar")

@@ -7,7 +7,7 @@ from tstar_rl.launch.side_by_side import Step
 from tstar_rl.runs.csv_tables import read_table
 from tstar_rl.runs.run_folder import FINISHED, made_by, run_path
 
-__all__ = ["BONUS", "mean_bonus", "with_bonus", "without_bonus"]
+__all__ = ["BONUS", "mean_bonus", "with_bonus", "with_some_bonus", "without_bonus"]
 
 BONUS = "bonus_of="
 """Stands in a step's values for a bonus that is known once another arm has been trained."""
@@ -18,6 +18,11 @@ OF_EVERY_SKILL = ("reward_env", "reward_gail")
 def without_bonus(step: Step) -> Step:
     """A step less a bonus that is not known yet."""
     return tuple(value for value in step if not value.startswith(BONUS))
+
+
+def with_some_bonus(step: Step) -> Step:
+    """A step with a number for a bonus that is not known yet, to ask what its recipe refuses."""
+    return tuple("bonus=0.5" if value.startswith(BONUS) else value for value in step)
 
 
 def with_bonus(

@@ -1,6 +1,7 @@
 """The code of another commit: arms of an experiment that was begun with it are run with it, however old it is."""
 
 import os
+import shutil
 import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -72,7 +73,9 @@ def _hash_of(commit: str, repository: Path) -> str:
 
 
 def _git(folder: Path, *command: str) -> str:
-    """What git prints; InvalidValueError with its words if it refuses."""
+    """What git prints; InvalidValueError with its words if it refuses, or if there is no git."""
+    if shutil.which("git") is None:
+        raise InvalidValueError(f"git is not installed here: it checks out the code of a commit of {folder}")
     done = subprocess.run(["git", "-C", str(folder), *command], capture_output=True, text=True, check=False)
     if done.returncode:
         raise InvalidValueError(f"git {' '.join(command)} in {folder}: {done.stderr.strip()}")

@@ -39,7 +39,7 @@ def quoted(value: str) -> str:
     """A text as the value of an override: in quotes where Hydra's grammar would read some of it otherwise."""
     if re.fullmatch(r"[\w/.+-]*", value, re.ASCII):
         return value
-    return "'{}'".format(value.replace("'", "\\'"))
+    return "'{}'".format(re.sub(r"(\\*)('|\Z)", lambda end: 2 * end[1] + end[2].replace("'", "\\'"), value))
 
 
 def section_of(value: str) -> str:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tstar_rl.checks import UserError
 from tstar_rl.runs.files import append_text, replacing, turn_to_write
 
-__all__ = ["LogError", "MetricsLog", "append_rows", "read_table", "write_table"]
+__all__ = ["LogError", "MetricsLog", "append_rows", "read_table", "rows_stay", "write_table"]
 
 
 class LogError(UserError, ValueError):
@@ -119,6 +119,13 @@ def append_rows(path: str | Path, rows: list[dict[str, Any]], key: tuple[str, ..
             new = pd.concat([old[~same], new], ignore_index=True) if not same.all() else new
         _replace(path, new.to_csv(index=False))
     return new
+
+
+def rows_stay(path: str | Path, rows: list[dict[str, Any]], key: tuple[str, ...]) -> bool:
+    """Whether `append_rows` with these would leave any row of the table."""
+    if not Path(path).is_file():
+        return False
+    return not rows or not _have_key_of(read_table(path), pd.DataFrame(rows), key).all()
 
 
 def _have_key_of(old: pd.DataFrame, new: pd.DataFrame, key: tuple[str, ...]) -> NDArray[np.bool_]:

@@ -96,7 +96,7 @@ class Run:
 
         Raises:
             NothingToDo: if it has finished, and no more steps are asked for.
-            MissingFileError: if it has, and its tables are elsewhere.
+            MissingFileError: if it has, and its tables are elsewhere; or if its tables alone are here.
             CheckpointMismatchError: when resuming a run that had another config, or where one of another has finished,
                 or where the tables are those of another. Nothing is touched then.
             DamagedCheckpointError: if the newest checkpoint is not as it was written. Nothing is touched then.
@@ -113,6 +113,8 @@ class Run:
             if self.config["resume"] and finished.is_file():
                 self._check_steps()
                 self._stop_if_done()
+            if self.config["resume"]:
+                self._check_alone()
             finished.unlink(missing_ok=True)  # first: what is half deleted is not done
             for name in ("checkpoints", *SAVED):
                 shutil.rmtree(self.work / name, ignore_errors=True)
@@ -157,6 +159,16 @@ class Run:
         saved = read_config(self.results)
         if not saved.get("evaluation_only"):
             check_config(self.results, saved, as_begun(saved, self.record))
+
+    def _check_alone(self) -> None:
+        """Raises MissingFileError if what is there of a run is its tables alone: it has ended, and was evaluated."""
+        table = self.results / "evaluation.csv"
+        saved = any((self.work / name).is_dir() for name in SAVED)
+        if table.is_file() and not saved and not read_config(self.results).get("evaluation_only"):
+            raise MissingFileError(
+                f"{self.results} has the tables of a run that was evaluated, and nothing of it is in {self.work}: give "
+                "the runs_dir that it was trained with, or another results_dir for a new one (resume=false starts over)"
+            )
 
     def _check_steps(self) -> None:
         """Raises CheckpointMismatchError if the run that has finished here was given fewer steps."""

@@ -74,17 +74,26 @@ def note_section(folder: Path, name: str, values: Mapping[str, Any]) -> None:
         _replace(folder, {**read_config(folder), name: dict(values)})
 
 
-def note_evaluation(folder: Path, config: Mapping[str, Any]) -> None:
+def note_evaluation(folder: Path, config: Mapping[str, Any], rows_stay: bool = False) -> None:
     """Writes an evaluation's config.yaml, unless the folder has that of a training, which stays.
 
     `evaluation_only: true` in it tells the two apart. It is for what has no training of its own: skills chained as they
-    are, the script. To a training's it adds that it was evaluated with other versions, or at another commit, if so.
+    are, the script. To a config that stays it adds that it was evaluated with other versions, or at another commit, if
+    so.
+
+    Args:
+        folder: of the evaluation's results.
+        config: plain values.
+        rows_stay: whether the table keeps rows of an evaluation before. The versions that these came from stay, too.
     """
-    file = folder / "config.yaml"
-    if not file.is_file() or read_config(folder).get("evaluation_only"):
-        write_config(folder, {**config, "evaluation_only": True})
-    else:
-        _note_later(folder, {"what": "evaluated"})
+    before = read_config(folder)
+    if not before or before.get("evaluation_only"):
+        kept = {name: before[name] for name in ("versions", "later") if rows_stay and name in before}
+        with turn_to_write(folder):
+            _replace(folder, {**config, "evaluation_only": True, "versions": versions(), **kept})
+        if not kept:
+            return
+    _note_later(folder, {"what": "evaluated"})
 
 
 def _note_later(folder: Path, line: dict[str, Any]) -> None:

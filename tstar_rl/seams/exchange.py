@@ -12,6 +12,7 @@ from tensordict import TensorDictBase
 from torchrl.envs import ExplorationType, TransformedEnv, set_exploration_type
 
 from tstar_rl.chaining.skill import Skill
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.rollouts.episodes import run_episodes
 from tstar_rl.rollouts.state_sets import TerminationSet
 from tstar_rl.seams.influence import Repeated
@@ -77,7 +78,15 @@ def exchange_skills(
 
     Returns:
         Four for each seam, in order. A seam that nothing reaches has `episodes` 0.
+
+    Raises:
+        InvalidValueError: if one chain has more skills than the other.
     """
+    if len(before) != len(after):
+        raise InvalidValueError(
+            f"chains whose skills are exchanged must have the same skills, got {len(before)} and {len(after)}: "
+            "chain.links takes the first skills of both"
+        )
     found: list[Exchange] = []
     starts: TensorDictBase | None = None
     for index in range(len(after) - 1):
