@@ -62,7 +62,7 @@ class GymnasiumVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, render_mode: str | None = None,
         width: int = 640, height: int = 480, **settings: Any,
     ):  # fmt: skip
-        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        self.autoreset_mode = _autoreset(autoreset_mode)
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
         chosen = TaskSettings.from_keywords(type(self).__name__, settings)
         self.world = BatchedEnvironment(task, num_envs, subtask, nthread, settings=chosen)
@@ -162,3 +162,11 @@ class GymnasiumVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             raise gymnasium.error.ResetNeeded(
                 f"no episode is under way in simulations {rows}: call reset() first"
             )
+
+
+def _autoreset(mode: AutoresetMode | str) -> AutoresetMode:
+    try:
+        return AutoresetMode(mode)
+    except ValueError:
+        valid = ", ".join(repr(one.value) for one in AutoresetMode)
+        raise ValueError(f"autoreset_mode must be one of {valid}; got {mode!r}") from None

@@ -18,6 +18,7 @@ from tstar_rl.demonstrations.formats import (
     write_hdf5,
     write_minari,
 )
+from tstar_rl.env.task_tables import furniture_digest
 
 NOISE, DATASET = 0.15, "tstar/chair/noisy-v0"
 
@@ -90,3 +91,18 @@ def test_a_file_of_another_noise_is_refused_as_the_library_s_own_are(recording, 
     assert load_demonstrations(asked, 1).noise == NOISE
     older = write_hdf5(replace(recording, noise=None), tmp_path / "older.hdf5")
     assert len(load_demonstrations(config(older, 0.3), 1)) == 2
+
+
+def test_a_file_of_another_piece_is_refused_as_the_library_s_own_are(recording, tmp_path):
+    here = write_hdf5(recording, tmp_path / "here.hdf5")
+    assert load_demonstrations(config(here, NOISE), 1).furniture == furniture_digest("chair_ingolf")
+    edited = replace(recording, furniture=furniture_digest("toy_table"))  # stands for an edited one
+    with pytest.raises(
+        DemonstrationError, match=r"with another chair_ingolf\.yaml than there is now; give the same"
+    ):
+        load_demonstrations(config(write_hdf5(edited, tmp_path / "edited.hdf5"), NOISE), 1)
+    changed(here, lambda file: file["data"].attrs.update({"furniture": 3}))
+    with pytest.raises(
+        DemonstrationError, match=r"here\.hdf5: attribute furniture of data is .*3.*, should be text"
+    ):
+        read_demonstrations(here)

@@ -1,10 +1,14 @@
 """The TorchRL front: specs, resets, ends, seeds, resuming."""
 
+from itertools import count
+
 import pytest
 import torch
 from table_envs import KEYS, make, same, still, until_success
 from tensordict import TensorDict
-from torchrl.envs import check_env_specs
+from tensordict.nn import TensorDictModule
+from torchrl.collectors import Collector
+from torchrl.envs import EnvCreator, SerialEnv, check_env_specs
 
 from tstar_rl.env.furniture_env import FurnitureEnv
 from tstar_rl.rollouts.collection import counts_of, with_starts
@@ -132,6 +136,31 @@ def test_a_loaded_state_goes_on_bit_for_bit():
         assert same(ours, theirs, keys=(*KEYS, "reward_env"))
         tensordict = ours
     assert same(env.reset(), resumed.reset())  # the generators too
+
+
+def test_torchrls_factories_share_nothing_of_an_environment():
+    """`EnvCreator` hands what the first environment's transforms know to all others; each keeps its own episodes."""
+    seeds = count()
+    both = SerialEnv(2, EnvCreator(lambda: make(seed=next(seeds)), share_memory=False))
+    first, second = both.reset()["observation"]
+    assert not torch.equal(first, second)
+    SerialEnv(2, EnvCreator(lambda: make(seed=3))).rollout(2)  # in shared memory, as `ParallelEnv` has it
+
+
+def test_the_checkpoint_of_a_collector_of_a_bare_environment_can_be_loaded():
+    policy = TensorDictModule(torch.nn.LazyLinear(9), ["observation"], ["action"])
+    policy(make().reset())  # its size
+    collector = Collector(make, policy, frames_per_batch=6, total_frames=6)
+    collector.load_state_dict(collector.state_dict())
+    collector.shutdown()
+
+
+def test_a_state_that_lacks_a_part_is_named():
+    env = make()
+    state = env.state_dict()
+    del state["generator"]
+    with pytest.raises(ValueError, match="has generator, snapshot and failures, got no generator"):
+        env.load_state_dict(state)
 
 
 def test_arguments_build_the_environment_again():

@@ -51,6 +51,13 @@ def assert_same(ours, theirs):
         assert data_equivalence(one, other, exact=True), f"{one} is not {other}"
 
 
+def test_a_mode_that_there_is_not_is_told_with_those_that_there_are():
+    with pytest.raises(
+        ValueError, match="must be one of 'NextStep', 'SameStep', 'Disabled'; got 'same_step'"
+    ):
+        make_vec(autoreset_mode="same_step")
+
+
 @pytest.mark.parametrize("mode", list(AutoresetMode))
 def test_a_row_that_was_never_reset_does_not_step(mode):
     env = make_vec(subtask=0, autoreset_mode=mode)

@@ -28,6 +28,9 @@ __all__ = [
 ANY_VALUE = ("max_steps",)
 """Settings that are not compared: an episode that succeeded would have succeeded with any later end."""
 
+AGAIN = ", and so were the skills, chains and tables that came of it (resume=false makes each again)"
+"""What follows from another file of furniture, where the demonstrations are the library's own."""
+
 
 def part_name(subtask: int | None) -> str:
     """What a file of a subtask is called, or one of the whole task."""
@@ -63,8 +66,8 @@ def load_demonstrations(config: DictConfig, subtask: int | None) -> "Demonstrati
 
     They must have been made in the config's world: every setting of the environment is compared, but those of
     demonstrations.may_differ and the time limit. One that the file or the config does not name has its default. Of the
-    library's own, kind, number, noise and the piece of furniture are compared too, of a user's file the noise where it
-    says it: a run's config.yaml says what it learned from.
+    library's own, kind, number, noise and the piece of furniture are compared too, of a user's file the noise and
+    the piece where it says them: a run's config.yaml says what it learned from.
 
     Raises:
         MissingFileError: there is no file.
@@ -84,7 +87,7 @@ def load_demonstrations(config: DictConfig, subtask: int | None) -> "Demonstrati
         found = Demonstrations.load(path, config.task.name, subtask)
         hint = "give the same, or delete it to make it again"
         made = _otherwise_made(config, config.demonstrations.kind, found.kind, len(found), found.noise)
-        made += _other_furniture(config, found.furniture)
+        made += _other_furniture(config, found.furniture, AGAIN)
     else:
         path = Path(given) / f"{part_name(subtask)}.hdf5" if Path(given).is_dir() else Path(given)
         keys = config.demonstrations.observation_key, config.demonstrations.filter_key
@@ -94,6 +97,7 @@ def load_demonstrations(config: DictConfig, subtask: int | None) -> "Demonstrati
             "demonstrations.may_differ=[...]"
         )
         made = _otherwise_noisy(config, config.demonstrations.kind, found.noise)
+        made += _other_furniture(config, found.furniture)
     if wrong := [*other_settings(config, found.arguments), *made]:
         raise DemonstrationError(f"{path}: {'; '.join(wrong)}; {hint}")
     return found.to(config.device)
@@ -125,7 +129,7 @@ def check_made(config: DictConfig, subtask: int | None, kind: str) -> None:
     wrong = differences(found, {"task": config.task.name, "subtask": subtask})
     wrong += other_settings(config, made.header["arguments"])
     wrong += _otherwise_made(config, kind, made.header["kind"], made.episodes, made.noise)
-    wrong += _other_furniture(config, made.furniture)
+    wrong += _other_furniture(config, made.furniture, AGAIN)
     if wrong:
         raise DemonstrationError(
             f"{path}: {'; '.join(wrong)}; delete it, or set resume=false, to make it again"
@@ -157,16 +161,19 @@ def _otherwise_noisy(config: DictConfig, kind: str, noise: float | None) -> list
     return [f"it was made with a noise of {noise}, and demonstrations.noise is {config.demonstrations.noise}"]
 
 
-def _other_furniture(config: DictConfig, found: str | None) -> list[str]:
-    """What to say where a file says that the piece was another one then; `found`: its digest, if the file has it."""
+def _other_furniture(config: DictConfig, found: str | None, further: str = "") -> list[str]:
+    """What to say where a file says that the piece was another one then.
+
+    Args:
+        config: of whose task the piece is.
+        found: its digest, if the file has it.
+        further: what follows from it.
+    """
     from tstar_rl.env.task_tables import furniture_digest
 
     if found in (None, furniture_digest(config.task.name)):
         return []
-    return [
-        f"it was made with another {config.task.name}.yaml than there is now, and so were the skills, chains and "
-        "tables that came of it (resume=false makes each again)"
-    ]
+    return [f"it was made with another {config.task.name}.yaml than there is now{further}"]
 
 
 def other_settings(config: DictConfig, arguments: Mapping[str, Any], section: str = "") -> list[str]:

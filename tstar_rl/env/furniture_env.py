@@ -11,7 +11,7 @@ from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 from torchrl.envs import EnvBase
 
-from tstar_envs.checks import is_finite, short
+from tstar_envs.checks import finite_number, short
 from tstar_envs.environment import BatchedEnvironment
 from tstar_envs.settings import TaskSettings
 from tstar_rl.env import showing
@@ -141,7 +141,7 @@ class FurnitureEnv(EnvBase):
         Raises:
             ValueError: the noise is negative or not finite.
         """
-        if not (is_finite(noise) and noise >= 0):
+        if (noise := finite_number("noise of the expert", noise)) < 0:
             raise ValueError(f"noise of the expert must be a finite number from 0, got {short(noise)}")
         assembler = self.world.expert()
 
@@ -165,7 +165,25 @@ class FurnitureEnv(EnvBase):
             "failures": self.failures,
         }
 
-    def load_state_dict(self, state_dict: dict[str, Any], *args, **kwargs) -> None:
+    def load_state_dict(self, state_dict: Mapping[str, Any], strict: bool = True, **kwargs) -> None:
+        """Goes on as the environment whose state it is.
+
+        Args:
+            state_dict: what `state_dict` gave. An empty one, as in the checkpoint of a collector whose environment has
+                no transforms, says nothing and changes nothing.
+            strict: False, as TorchRL's `EnvCreator` has it, which shares what transforms know between workers: nothing
+                is loaded then, since each worker has episodes of its own.
+            **kwargs: TorchRL's.
+
+        Raises:
+            ValueError: a part of the state is missing.
+        """
+        if not strict or not state_dict:
+            return
+        if missing := [name for name in ("generator", "snapshot", "failures") if name not in state_dict]:
+            raise ValueError(
+                f"the state of an environment has generator, snapshot and failures, got no {', no '.join(missing)}"
+            )
         self.world.generator.set_state(state_dict["generator"].cpu())
         self.world.task.starts.forget()
         self.world.restore(state_dict["snapshot"])

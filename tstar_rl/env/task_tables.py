@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numbers
 from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
@@ -10,6 +11,7 @@ import torch
 from torch import Tensor
 
 from tstar_envs import geometry
+from tstar_envs.checks import short
 from tstar_envs.furniture import library
 from tstar_envs.settings import TaskSettings
 from tstar_envs.tasks.recipe_tables import RecipeTables
@@ -62,8 +64,11 @@ def subtask_geometry(task: str, subtask: int) -> dict[str, Any]:
 
 def table_geometry(tables: RecipeTables, subtask: int) -> dict[str, Any]:
     """What `subtask_geometry` gives, read from the tables of a task; raises what it does."""
-    if not 0 <= subtask < tables.num_steps:
-        raise ValueError(f"subtask of {tables.name} must be in 0..{tables.num_steps - 1}, got {subtask}")
+    number = isinstance(subtask, numbers.Integral) and not isinstance(subtask, bool)
+    if not number or not 0 <= subtask < tables.num_steps:
+        raise ValueError(
+            f"subtask of {tables.name} must be in 0..{tables.num_steps - 1}, got {short(subtask)}"
+        )
 
     def figures(table: Tensor) -> Tensor:
         return table[subtask].float().cpu()  # a network is built there, and moved afterwards

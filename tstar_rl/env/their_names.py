@@ -27,13 +27,13 @@ def gymnasium_spec(arguments: Mapping[str, Any]) -> EnvSpec:
 
 
 def task_called(name: str) -> str:
-    """The task of that Gymnasium id, or of that name of a piece of furniture.
+    """The task of that Gymnasium id, with or without the module that registers it, or of that piece of furniture.
 
     Raises:
         ValueError: if there is none; the message says which are valid.
     """
     for task in library.names():
-        if name in (task, environment_id(task)):
+        if name.rpartition(":")[2] in (task, environment_id(task)):
             return task
     return library.load(name).name  # raises, with the names that are valid
 

@@ -152,7 +152,9 @@ def _check_step(furniture: Furniture, step: Step, where: str) -> None:
         )
     if moving.part == target.part:
         raise FurnitureError(f"{where}: joins part {moving.part!r} to itself, expected two parts")
-    if not any(abs(math.remainder(step.angle - angle, math.tau)) < 1e-6 for angle in moving.allowed_angles):
+    if not moving.turns_freely and not any(
+        abs(math.remainder(step.angle - angle, math.tau)) < 1e-6 for angle in moving.allowed_angles
+    ):
         allowed = ", ".join(f"{math.degrees(angle):g}" for angle in moving.allowed_angles)
         raise FurnitureError(
             f"{where}.degrees: got {math.degrees(step.angle):g} degrees, "

@@ -13,6 +13,8 @@ from tstar_envs.tasks.recipe_tables import RecipeTables
 
 FAR = 0.1
 """m: gaps are looked for up to this; anything further off counts as far."""
+ASIDE = 0.05
+"""m: from the middle between the open fingers to beyond either of them, whose far sides are 48 mm off."""
 _PART_GROUP = 5
 _ASIDE = np.array([6e-6, -6.4e-6, 4.8e-6])
 """m: 1e-5 in a direction of no axis. Two geoms with one centre are moved apart by it before they are measured."""
@@ -70,10 +72,18 @@ class Workshop:
     def thickness(self, parts: list[int], point: np.ndarray, axis: np.ndarray) -> tuple[float, float] | None:
         """Surfaces of `parts` met from either side along `axis`, as distances from `point`; None if one is missed.
 
-        They are looked for from `FAR` to either side: what lies beyond, or there, is not between the fingers.
+        They are looked for from where the fingers come down, `ASIDE` to either side, so that another bar beside that is
+        not taken for the one between them; and from `FAR`, where they come down inside a part or have nothing between
+        them, to say how wide it is, or how far aside.
         """
+        return self._surfaces(parts, point, axis, ASIDE) or self._surfaces(parts, point, axis, FAR)
+
+    def _surfaces(
+        self, parts: list[int], point: np.ndarray, axis: np.ndarray, reach: float
+    ) -> tuple[float, float] | None:
+        """`thickness` from `reach` to either side: what lies beyond, or there, is not between the fingers."""
         geoms = [geom for part in parts for geom in self._geoms[part]]
-        if any(self._off_geom(geom, point + end * axis) == 0 for geom in geoms for end in (-FAR, FAR)):
+        if any(self._off_geom(geom, point + end * axis) == 0 for geom in geoms for end in (-reach, reach)):
             return None
         self.model.geom_group[:] = 0
         self.model.geom_group[geoms] = _PART_GROUP
@@ -81,11 +91,11 @@ class Workshop:
         group[_PART_GROUP] = 1
         found = []
         for side in (-1.0, 1.0):
-            start, hit = point + side * FAR * axis, np.zeros(1, dtype=np.int32)
+            start, hit = point + side * reach * axis, np.zeros(1, dtype=np.int32)
             length = mujoco.mj_ray(self.model, self.data, start, -side * axis, group, 0, -1, hit, None)
-            if length < 0 or length > 2 * FAR:
+            if length < 0 or length > 2 * reach:
                 return None
-            found.append(FAR - length)
+            found.append(reach - length)
         return found[0], found[1]
 
     def mass(self, part: int) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import warnings
 from collections.abc import Sequence
+from typing import NoReturn
 
 import mujoco
 import numpy as np
@@ -43,6 +44,12 @@ class CpuPhysics:
         last = row_slice(model, mujoco.mjtState.mjSTATE_QVEL).stop
         self._moving = self.batch.state[:, first:last]  # positions and velocities
         self.batch.forward(stage=_CURRENT)
+
+    def __reduce__(self) -> NoReturn:
+        raise TypeError(
+            "batched simulations are not copied or pickled: make an environment of the same arguments, in the process "
+            "that steps it, and restore(snapshot) there"
+        )
 
     def joint_frames(self, count: int) -> tuple[Tensor, Tensor]:
         """World anchors and axes of the first `count` joints, (N, count, 3) each; for the scripted expert."""

@@ -44,8 +44,8 @@ class WarpPhysics:
     steps_together = True
 
     def __init__(self, model: mujoco.MjModel, num_sims: int, device: str | torch.device = "cuda"):
-        self._warp, engine = libraries()
         self.model, self.num_sims, self.device = model, num_sims, _checked(torch.device(device))
+        self._warp, engine = libraries()
         self._place = self._warp.device_from_torch(self.device)
         scene, self.room = warp_model(model), room(model)
         with self._warp.ScopedDevice(self._place):

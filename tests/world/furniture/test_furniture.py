@@ -104,6 +104,12 @@ def test_a_part_s_centre_of_mass_is_mujoco_s(chair):
 def test_a_round_connector_fits_at_any_turn(chair):
     piece = chair(lambda d: put(d, "parts", "side", "connectors", "seat", "allowed_degrees", "any"))
     connector = piece.part("side").connector("seat")
+    chair(
+        lambda d: (
+            put(d, "parts", "side", "connectors", "seat", "allowed_degrees", "any"),
+            put(d, "steps", 0, "degrees", 45),
+        )
+    )
     assert connector.turns_freely and not piece.part("seat").connector("left").turns_freely
     angles = torch.tensor([connector.allowed_angles], dtype=torch.float64)
     still, turned = (

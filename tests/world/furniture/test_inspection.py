@@ -102,6 +102,14 @@ def test_a_broken_value_is_named(table, change, wrong, where, words):
     assert said and said[0].wrong == wrong, [str(f) for f in found]
 
 
+def test_another_bar_beside_the_fingers_is_not_between_them(table):
+    """A leg with a second bar, which begins 5 cm beside the middle of the first: the open fingers come down between."""
+    bars = [{"size": [0.015, 0.015, 0.13]}, {"size": [0.01, 0.015, 0.03], "pos": [0.06, 0, 0]}]
+    change = {"boxes": bars, "grasps": [{"left": [-0.02, 0, 0], "right": [0.02, 0, 0]}]}
+    found = inspect(library.read(table(lambda d: _leg(d, **change))))
+    assert not [f for f in found if f.where == "steps[0].grasp"], [str(f) for f in found]
+
+
 def test_a_light_part_that_carries_the_rest_needs_stiffer_contacts(tmp_path):
     data = yaml.safe_load((library.DATA / "chair_ingolf.yaml").read_text())
     del data["contact_impedance"]

@@ -1,6 +1,7 @@
 """Writes episodes as robomimic-style HDF5: one group a demonstration, with full states and the model's XML.
 
-    data                 attrs: total, env_args (JSON), state_layout (JSON), made_by, mujoco_version; noise, if known
+    data                 attrs: total, env_args (JSON), state_layout (JSON), made_by, mujoco_version;
+                                noise, furniture (a digest), where they are known
       demo_0             attrs: num_samples, model_file (XML), success, seed
         obs/flat         (T, O) float32, before each action; next_obs/flat after it
         actions          (T, 9) float32 in [-1, 1], what the environment was given
@@ -88,6 +89,8 @@ def _fill(file: Any, recording: Recording) -> None:
     data.attrs["mujoco_version"] = version("mujoco")
     if recording.noise is not None:
         data.attrs["noise"] = recording.noise
+    if recording.furniture is not None:
+        data.attrs["furniture"] = np.bytes_(recording.furniture)
     data.attrs["total"] = sum(map(len, recording.episodes))
     groups: dict[str, list[str]] = {"successes": [], "failures": []}
     for index, episode in enumerate(recording.episodes):

@@ -62,6 +62,7 @@ def read_demonstrations(
         success=torch.ones(len(demos), dtype=torch.bool),
         snapshots=_snapshots(path, contents, sum(lengths)),
         noise=_noise(path, contents),
+        furniture=_furniture(path, contents),
     )
 
 
@@ -84,7 +85,7 @@ def read_hdf5(path: str | Path) -> Recording:
     ]
     arguments = {"task": contents.task, "subtask": contents.subtask, **contents.settings}
     made_by = str(contents.attributes.get("made_by", ""))
-    return Recording(arguments, made_by, episodes, _noise(path, contents))
+    return Recording(arguments, made_by, episodes, _noise(path, contents), _furniture(path, contents))
 
 
 def _layout(path: str | Path, contents: Contents) -> StateLayout:
@@ -102,6 +103,15 @@ def _noise(path: str | Path, contents: Contents) -> float | None:
         said = found.item() if isinstance(found, np.generic) else found
         raise DemonstrationError(f"{path}: attribute noise of data is {said!r}, should be one number from 0")
     return float(value)
+
+
+def _furniture(path: str | Path, contents: Contents) -> str | None:
+    found = contents.attributes.get("furniture")
+    if isinstance(found, bytes):
+        found = found.decode(errors="replace")
+    if not isinstance(found, str | None):
+        raise DemonstrationError(f"{path}: attribute furniture of data is {found!r}, should be text")
+    return found
 
 
 def _episode(

@@ -54,12 +54,14 @@ class Recording:
         made_by: what acted, for people to read.
         episodes: in the order of their start.
         noise: deviation of the arm's executed actions, where an expert demonstrated; None where nothing is said.
+        furniture: the digest of the task's file of furniture then (`env.task_tables.furniture_digest`); None likewise.
     """
 
     arguments: dict[str, Any]
     made_by: str
     episodes: list[Episode]
     noise: float | None = None
+    furniture: str | None = None
 
     @property
     def successes(self) -> "Recording":
