@@ -46,8 +46,6 @@ def test_reliability_curve():
 def test_a_calibrated_score_has_no_error_and_a_constant_one_has_no_spread():
     calibrated = torch.tensor([0.25] * 4)
     assert expected_calibration_error(reliability_curve(calibrated, torch.tensor([1, 0, 0, 0]).bool())) == 0
-    with pytest.raises(ValueError, match=r"scores in \[0, 1\] and at least 1 bin, got 0 bins"):
-        reliability_curve(SCORES, OUTCOMES, 0)
     with pytest.raises(ValueError, match=r"scores in \[0, 1\]"):
         reliability_curve(torch.tensor([1.2]), torch.tensor([True]))
 
@@ -71,3 +69,11 @@ def test_a_signal_is_judged_by_what_the_next_skill_did():
     assert wrong["f_auc"] == 0.5 and wrong["f_sd"] == 0  # clipped to zero, as it would be paid
     nothing, curve = judge("f", Says(), handed[:0], OUTCOMES[:0], OUTCOMES[:0])
     assert curve is None and all(math.isnan(value) for value in nothing.values())
+
+
+def test_what_is_no_share_is_told():
+    for wrong, told in ((1.2, "1 of 2 others, as 1.2"), (math.nan, "1 of 2 others, as nan")):
+        with pytest.raises(ValueError, match=f"needs scores in \\[0, 1\\], got {told}"):
+            reliability_curve(torch.tensor([0.5, wrong]), torch.ones(2))
+    with pytest.raises(ValueError, match="at least 1 bin, got 0"):
+        reliability_curve(torch.ones(2), torch.ones(2), bins=0)

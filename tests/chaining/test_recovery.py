@@ -200,3 +200,17 @@ def test_recipes_that_would_run_the_skills_without_recovery_refuse_it(point_chai
 def test_f_needs_a_run_of_the_chain(point_chain):
     with pytest.raises(InvalidValueError, match="chain.seed_episodes must be at least 1, got 0"):
         point_chain("recover", "chain.seed_episodes=0")
+
+
+def test_a_batch_of_several_dimensions_is_its_rows_laid_end_to_end():
+    policy, rows = chain(shares=(1.0, 1.0)), torch.zeros(2, 3, 72)
+    rows[..., 0] = 1.0
+    batch = TensorDict({"observation": rows, "done": torch.zeros(2, 3, 1, dtype=torch.bool)}, [2, 3])
+    for step, subtask in enumerate(([[0, 0, 0], [0, 0, 0]], [[0, 1, 0], [0, 0, 1]])):
+        batch["subtask"] = torch.tensor(subtask).unsqueeze(-1)
+        batch["step_count"] = torch.full((2, 3, 1), step)
+        with torch.no_grad():
+            action = policy(batch)["action"]
+    homeward = [[False, True, False], [False, False, True]]
+    assert (action == HOMEWARD).all(-1).tolist() == homeward and policy.homings.tolist() == [0, 1, 0, 0, 0, 1]
+    assert policy(batch[0, 1])["action"].shape == (9,)

@@ -10,10 +10,11 @@ from torchrl.envs import ExplorationType, set_exploration_type
 
 from tstar_rl.chaining.chain import ChainPolicy, chain_folders, load_chain, save_chain
 from tstar_rl.chaining.skill import NetworkSettings, Skill
-from tstar_rl.checks import InvalidValueError
+from tstar_rl.checks import InvalidValueError, MissingFileError
 from tstar_rl.runs import checkpoint
 from tstar_rl.runs.checkpoint import DamagedCheckpointError
 from tstar_rl.runs.mismatch import CheckpointMismatchError, differences
+from tstar_rl.shipped.catalogue import CHAINS
 from tstar_rl.spirl import SpirlAgent
 
 SMALL = NetworkSettings(hidden=(16,), std="fixed", discriminator_hidden=(16,))
@@ -149,15 +150,25 @@ def test_a_skill_and_an_agent_of_spirl_are_not_taken_for_each_other(tmp_path):
     agent.save(tmp_path / "agent")
     Skill("table_lack", 0, SMALL).save(tmp_path / "skill")
     with pytest.raises(
-        InvalidValueError, match="agent is an agent of SPiRL: a chain is made of skills of bc, ppo"
+        InvalidValueError,
+        match="agent is an agent of SPiRL: SpirlAgent.load reads it; a chain is made of skills of",
     ):
         Skill.load(tmp_path / "agent")
     with pytest.raises(
-        InvalidValueError, match="skill is no agent of SPiRL, which spirl.py trains: it is a skill"
+        InvalidValueError, match="skill is no agent of SPiRL, which spirl.py trains: it is one skill: Skill"
     ):
         SpirlAgent.load(tmp_path / "skill")
     with pytest.raises(InvalidValueError, match=r"as load_chain\(path\) gives them; got SpirlAgent, Skill$"):
         ChainPolicy([agent, Skill("table_lack", 1, SMALL)])
+    with pytest.raises(InvalidValueError, match="gives them; got Skill$"):
+        ChainPolicy(Skill("table_lack", 0, SMALL))
+
+
+def test_a_shipped_chain_is_no_skill_no_agent_and_no_folder_of_skills():
+    place = CHAINS / "table_lack" / "tstar"
+    for load in (Skill.load, SpirlAgent.load, load_chain):
+        with pytest.raises((InvalidValueError, MissingFileError), match="a shipped chain: load_pretrained"):
+            load(place)
 
 
 def test_skills_that_say_nothing_of_a_chain_are_taken_as_they_stand(tmp_path):

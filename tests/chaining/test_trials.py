@@ -4,11 +4,13 @@ import pytest
 import torch
 from point_chain import PointChain, make_skills
 from torch.testing import assert_close
+from torchrl.envs import TransformedEnv
 
 from tstar_rl.chaining.chain import load_chain
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.chaining.training import Training
 from tstar_rl.chaining.trials import Trial, run_trial
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.rollouts.collection import with_starts
 from tstar_rl.runs import checkpoint
 
@@ -127,3 +129,8 @@ def test_the_best_chain_is_that_of_the_best_trial(gate, point_chain, tmp_path, m
     assert checkpoint.read_record(places[0] / "skill0")["env_steps"] == (
         1024 if gate else 512
     )  # of equals, the later
+
+
+def test_an_environment_that_counts_no_steps_is_told_before_the_first_one(skills):
+    with pytest.raises(InvalidValueError, match=r"with a StepCounter: with_starts\(env\) adds it"):
+        run_trial(skills, TransformedEnv(PointChain("table_lack", 4, None, seed=3)))

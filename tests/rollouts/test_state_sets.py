@@ -1,5 +1,7 @@
 """State sets grow from successes, sample from their generator, and survive saving."""
 
+from multiprocessing.reduction import ForkingPickler
+
 import pytest
 import torch
 from tensordict import TensorDict, assert_close
@@ -194,3 +196,15 @@ def test_sets_serve_as_starts_of_the_next_skill(kind, make_env):
     starts = states if kind == "set" else TerminalGaussian(make_env(), states)
     env = TransformedEnv(make_env(), SkillChainReset(starts, probability=1.0))
     torch.testing.assert_close(env.reset()["observation"][:, 0], torch.full((3,), 0.7))
+
+
+def test_a_set_goes_to_another_process_with_its_states():
+    """As TorchRL hands a worker the environment's maker; its buffers refuse that."""
+    for states in (termination_set(torch.tensor([[0.0, 1.0], [2.0, 3.0]])), TerminationSet(5), StateSet(3)):
+        other = ForkingPickler.loads(ForkingPickler.dumps(states))
+        assert type(other) is type(states) and len(other) == len(states)
+        assert (other.capacity, other.changes) == (states.capacity, states.changes)
+        if len(states):
+            assert_close(other.all(), states.all())
+            other.extend(other.all())
+            assert len(other) == 2 * len(states)

@@ -29,6 +29,8 @@ def test_returns_so_far_are_those_of_episodes_that_run_on():
     del state["carried"]
     update.load_state_dict(state)
     assert update.carried.tolist() == [[2.5], [1.0]]
+    update._with_advantage(rollout[:1])  # of another number of simulations: these have no returns so far
+    assert update.carried.tolist() == [[1.0]]
 
 
 @pytest.mark.parametrize(("normalized", "expected"), [(True, [1.0, 3.0]), (False, [2.0, 6.0])])

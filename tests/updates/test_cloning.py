@@ -42,3 +42,11 @@ def test_the_minibatches_of_an_epoch_are_nearly_equal():
     settings = BehaviourCloningSettings(epochs=1, minibatch=64)
     behaviour_cloning(policy, torch.randn(65, 72), torch.zeros(65, 9), settings)
     assert sizes == [33, 32]
+
+
+def test_each_observation_has_its_action():
+    skill = small_skill()
+    observations = torch.zeros(4, 72)
+    for number in (3, 5):
+        with pytest.raises(ValueError, match=f"got 4 observations and {number} actions"):
+            behaviour_cloning(skill.policy, observations, torch.zeros(number, 9), BehaviourCloningSettings())

@@ -70,12 +70,16 @@ def reliability_curve(scores: Tensor, outcomes: Tensor, bins: int = BINS) -> Rel
         bins: of equal width; a score on an edge belongs to the bin above, 1 to the last.
 
     Raises:
-        ValueError: if a score is outside [0, 1], or there is no bin.
+        ValueError: if a score is outside [0, 1] or NaN, or there is no bin.
 
     Source: Murphy and Winkler 1977.
     """
-    if bins < 1 or bool(((scores < 0) | (scores > 1)).any()):
-        raise ValueError(f"a reliability curve needs scores in [0, 1] and at least 1 bin, got {bins} bins")
+    if bins < 1:
+        raise ValueError(f"a reliability curve needs at least 1 bin, got {bins}")
+    if wrong := scores[~((scores >= 0) & (scores <= 1))].tolist():
+        raise ValueError(
+            f"a reliability curve needs scores in [0, 1], got {len(wrong)} of {len(scores)} others, as {wrong[0]:g}"
+        )
     scores, outcomes = scores.double(), outcomes.double()
     place = (scores * bins).long().clamp(max=bins - 1)
     count = torch.bincount(place, minlength=bins)

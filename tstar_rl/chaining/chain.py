@@ -17,6 +17,7 @@ from tstar_rl.runs.checkpoint import is_checkpoint, read_record
 from tstar_rl.runs.checksums import DamagedCheckpointError
 from tstar_rl.runs.files import replacing_folder
 from tstar_rl.runs.run_folder import made_by
+from tstar_rl.runs.saved_kinds import kind_of
 
 __all__ = ["ChainPolicy", "chain_folders", "load_chain", "save_chain"]
 
@@ -36,9 +37,14 @@ class ChainPolicy(TensorDictModuleBase):
 
     def __init__(self, skills: Sequence[Skill]) -> None:
         super().__init__()
-        if isinstance(skills, (str, Path)) or not all(isinstance(skill, Skill) for skill in skills):
+        alone = isinstance(skills, (str, Path, Skill, nn.Module))
+        if alone or not all(isinstance(skill, Skill) for skill in skills):
             path = isinstance(skills, (str, Path))
-            got = repr(skills) if path else ", ".join(type(skill).__name__ for skill in skills)
+            got = (
+                repr(skills)
+                if path
+                else ", ".join(type(each).__name__ for each in ([skills] if alone else skills))
+            )
             raise InvalidValueError(f"a chain is made of skills, as load_chain(path) gives them; got {got}")
         order = [skill.subtask for skill in skills]
         if not order or order != list(range(len(order))):
@@ -74,14 +80,14 @@ class ChainPolicy(TensorDictModuleBase):
         return tensordict.set("action", action.reshape(*tensordict.batch_size, action.shape[-1]))
 
 
-def save_chain(skills: Sequence[Skill], path: Path, **record: Any) -> None:
+def save_chain(skills: Sequence[Skill], path: str | Path, **record: Any) -> None:
     """Writes every skill of a chain to <path>/skill<i>, each with the record.
 
     They take the place of what was at `path` together: a kill leaves the old chain or the new one. Each also records
     which chain it is of and how many skills that has, so that none can be lost unnoticed.
     """
     whole = {"id": uuid.uuid4().hex, "skills": len(skills)}
-    with replacing_folder(path) as stage:
+    with replacing_folder(Path(path)) as stage:
         for index, skill in enumerate(skills):
             skill.save(stage / f"skill{index}", **record, chain=whole)
 
@@ -129,7 +135,7 @@ def load_chain(path: str | Path, **expected: Any) -> list[Skill]:
 def _where_else(path: Path) -> str:
     """What a message says of a chain that is not at `path`: where it is, or what makes it."""
     if is_checkpoint(path):
-        return ", which is one skill: Skill.load reads it"
+        return f", which is {kind_of(read_record(path))}"
     near = [place for place in (path / "last", path / "best", path.parent) if _skills_at(place)]
     return f": there is one at {near[0]}" if near else made_by(path)
 

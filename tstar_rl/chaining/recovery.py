@@ -161,7 +161,10 @@ class RecoveringChain(ChainPolicy):
         return torch.zeros(0, dtype=torch.int64) if self._rows is None else self._rows.homings
 
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
-        """tensordict: batch [N] -> the same with "action" (N, 9)."""
+        """tensordict: any batch size -> the same with "action" (*batch, 9). `homings` are of its rows end to end."""
+        if tensordict.ndim != 1:
+            rows = self.forward(tensordict.select(*self.in_keys).reshape(-1))
+            return tensordict.set("action", rows["action"].reshape(*tensordict.batch_size, -1))
         tensordict = super().forward(tensordict)
         observation = tensordict["observation"]
         rows, handed = self._follow(tensordict)
@@ -197,11 +200,11 @@ class RecoveringChain(ChainPolicy):
         if self.settings.patience is not None:
             sent |= (rows.left == 0) & (rows.acted >= self.settings.patience)
         for index, share in enumerate(self.shares, start=1):
-            here = (handed & (rows.subtask == index)).nonzero().squeeze(-1)
-            if not len(here):
+            here = handed & (rows.subtask == index)
+            if not bool(here.any()):
                 continue
             if str(index) in self.networks:
                 sent[here] = self.settings.expects_failure(self.networks[str(index)](observation[here]))
             else:
-                sent[here] = torch.rand(len(here), device=here.device) < share
+                sent[here] = torch.rand(int(here.sum()), device=here.device) < share
         return sent

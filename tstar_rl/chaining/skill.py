@@ -16,6 +16,7 @@ from tstar_rl.models.return_scale import ReturnScale
 from tstar_rl.rollouts.labelled_sets import ApproachSet, OutcomeSet
 from tstar_rl.rollouts.state_sets import InitiationSet, StateSet, TerminationSet
 from tstar_rl.runs import checkpoint
+from tstar_rl.runs.saved_kinds import ONE_SKILL, kind_of
 
 __all__ = ["NetworkSettings", "Skill"]
 
@@ -205,14 +206,13 @@ class Skill:
         Raises:
             FileNotFoundError: if there is none.
             CheckpointMismatchError: if what is `expected` (task=..., subtask=...) is not what it was saved with.
-            InvalidValueError: if an agent of SPiRL is saved there.
+            InvalidValueError: if something else is saved there.
         """
         record = checkpoint.read_record(path, **expected)
         built = record["built"]
-        if "settings" not in built:
+        if (kind := kind_of(record)) != ONE_SKILL:
             raise InvalidValueError(
-                f"{path} is an agent of SPiRL: a chain is made of skills of bc, ppo, gail or gail_ppo; SpirlAgent.load "
-                "reads it"
+                f"{path} is {kind}; a chain is made of skills of bc, ppo, gail or gail_ppo"
             )
         skill = cls(
             record["task"],

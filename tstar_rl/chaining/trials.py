@@ -14,6 +14,7 @@ from torchrl.envs import ExplorationType, TransformedEnv, set_exploration_type
 
 from tstar_rl.chaining.paths import Path, PathLog
 from tstar_rl.chaining.skill import Skill
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.rollouts.episodes import run_episodes
 from tstar_rl.transforms import SkillChainReset
 
@@ -159,12 +160,17 @@ def run_trial(
 
     Args:
         skills: the chain; an episode ends once its last skill has succeeded.
-        env: of the whole task, with `snapshot()`.
+        env: of the whole task, with `snapshot()`, and with a `StepCounter` as `with_starts` makes it.
         path_steps: how many of the last states of each skill's episodes are kept.
         known: a trial from the same starts. What it tells of the skills before `first`, which have not changed since,
             is taken from it; the result is the same, to the bit, as without it.
         first: the first skill that has changed; of no meaning without `known`.
+
+    Raises:
+        InvalidValueError: if the environment counts no steps.
     """
+    if "step_count" not in env.observation_spec.keys():
+        raise InvalidValueError("a trial needs an environment with a StepCounter: with_starts(env) adds it")
     found = [] if known is None else known.skills[:first]
     handed = _HandedOver()
     env.append_transform(SkillChainReset(handed, probability=1.0, goes_on=True))

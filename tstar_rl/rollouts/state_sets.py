@@ -61,6 +61,16 @@ class StateSet:
         self.load_state_dict(state)
         return self
 
+    def __getstate__(self) -> dict[str, Any]:
+        """What a copy, or another process, begins with: TorchRL's buffer itself cannot be handed on."""
+        return {**self.__dict__, "buffer": self.state_dict()}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self.clear()
+        self.load_state_dict(state["buffer"])
+        self.changes = state["changes"]
+
     def __len__(self) -> int:
         return len(self.buffer)
 

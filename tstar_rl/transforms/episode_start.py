@@ -17,9 +17,12 @@ class EpisodeStart(Transform):
         super().__init__(in_keys=["observation"], out_keys=["start_observation"])
 
     def _reset(self, tensordict: TensorDictBase, tensordict_reset: TensorDictBase) -> TensorDictBase:
+        observation = tensordict_reset.get("observation", None)
+        if observation is None:
+            there = ", ".join(map(str, tensordict_reset.keys()))
+            raise KeyError(f"EpisodeStart: the environment has no 'observation'; it has {there}")
         # Rows that are not being reset get back their own entry from TorchRL afterwards.
-        tensordict_reset.set("start_observation", tensordict_reset.get("observation").clone())
-        return tensordict_reset
+        return tensordict_reset.set("start_observation", observation.clone())
 
     def _step(self, tensordict: TensorDictBase, next_tensordict: TensorDictBase) -> TensorDictBase:
         start = tensordict.get("start_observation", None)

@@ -6,7 +6,7 @@ import torch
 from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 from torchrl.data import Binary, Composite, TensorSpec
-from torchrl.envs import ParallelEnv, Transform
+from torchrl.envs import ParallelEnv, SerialEnv, Transform, TransformedEnv
 
 from tstar_rl.checks import InvalidValueError
 
@@ -24,16 +24,20 @@ class SkillChainReset(Transform):
 
     The environment finds them at ("start", "snapshot") with ("start", "use") (*batch, 1), in what its `_reset`
     is given; where `use` is False, and while `starts` is empty, it draws s_0 itself. Every row of an episode says which
-    it was: "start_chained" (*batch, 1) bool.
+    it was: "start_chained" (*batch, 1) bool. Whether the environment reads them is not asked: one that does not begins
+    in s_0 where a row says that it was chained.
 
     Args:
         starts: read by handle, at every reset, so it may grow meanwhile.
         probability: of a start from `starts`.
-        seed: of the transform's own generator, which is part of its state.
+        seed: of the transform's own generator, which is part of its state and which `env.set_seed` does not reach:
+            each of several workers needs another, or all draw the same.
         goes_on: whether the episodes that the snapshots were taken in go on; by default new ones begin there.
 
     Raises:
-        ValueError: if the probability is not in [0, 1]; at a reset, if it is around a `ParallelEnv`.
+        ValueError: if the probability is not in [0, 1]; at a reset, if it is around a `ParallelEnv`, or around
+            environments with transforms of their own that TorchRL has not made one with it.
+        KeyError: at a step without "start_chained".
 
     Source: the paper, algorithm 1 line 9; 80% and 20% from its appendix C.
     """
@@ -55,7 +59,6 @@ class SkillChainReset(Transform):
         if tensordict is None:
             assert self.parent is not None, "SkillChainReset acts in an environment"
             tensordict = TensorDict(batch_size=self.parent.batch_size, device=self.parent.device)
-        self._check_place()
         reset = tensordict.get("_reset", None)
         batch = tensordict.batch_size
         rows = torch.ones(batch.numel(), dtype=torch.bool) if reset is None else reset.reshape(-1).cpu()
@@ -67,20 +70,27 @@ class SkillChainReset(Transform):
         return tensordict
 
     def _check_place(self) -> None:
-        """Raises InvalidValueError around an environment that would drop the starts."""
-        if isinstance(getattr(self.parent, "base_env", None), ParallelEnv):
+        """Raises InvalidValueError around an environment that drops the starts, once its workers are there."""
+        env = getattr(self.parent, "base_env", None)
+        inside = getattr(env, "_envs", None) or [] if isinstance(env, SerialEnv) else [env]
+        if isinstance(env, ParallelEnv) or any(isinstance(one, TransformedEnv) for one in inside):
+            around = "ParallelEnv" if isinstance(env, ParallelEnv) else "TransformedEnv"
             raise InvalidValueError(
-                "SkillChainReset does not act around a ParallelEnv, which hands only declared entries to its workers: "
-                "append it to the environment that each worker makes. A worker's copy of `starts` does not grow with "
-                "yours; collection.backend=ray keeps them together"
+                f"SkillChainReset does not act around a {around}, which hands only declared entries on: append it to "
+                "the environment that each worker makes, each with a seed of its own. A worker's copy of `starts` does "
+                "not grow with yours; collection.backend=ray keeps them together"
             )
 
     def _reset(self, tensordict: TensorDictBase, tensordict_reset: TensorDictBase) -> TensorDictBase:
+        self._check_place()
         # Rows that are not being reset get back their own entry from TorchRL afterwards.
         return tensordict_reset.set("start_chained", self._chained.to(tensordict_reset.device))
 
     def _step(self, tensordict: TensorDictBase, next_tensordict: TensorDictBase) -> TensorDictBase:
-        return next_tensordict.set("start_chained", tensordict.get("start_chained").clone())
+        chained = tensordict.get("start_chained", None)
+        if chained is None:
+            raise KeyError("SkillChainReset: the step has no 'start_chained'; begin with env.reset()")
+        return next_tensordict.set("start_chained", chained.clone())
 
     def transform_observation_spec(self, observation_spec: TensorSpec) -> TensorSpec:
         """Adds "start_chained"."""

@@ -34,7 +34,14 @@ def behaviour_cloning(
     """Fits the policy's mean to actions (n, 9) at observations (n, O) by least squares; logs the last epoch's loss.
 
     What the network's input is made of each observation has no parameters: it is computed once, not in each epoch.
+
+    Raises:
+        ValueError: there are not as many actions as observations.
     """
+    if len(observations) != len(actions):
+        raise ValueError(
+            f"each observation needs its action, got {len(observations)} observations and {len(actions)} actions"
+        )
     device = observations.device
     encoder, body = split_policy(policy)
     with torch.no_grad():

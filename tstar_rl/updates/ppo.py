@@ -154,7 +154,9 @@ class PolicyUpdate:
 
         Simulations that were made anew run none of the episodes of the rollout before, which did not end either.
         """
-        carried, steps = self.carried.expand(rollout.shape[0], 1), rollout.get(("next", "step_count"), None)
+        number, steps = rollout.shape[0], rollout.get(("next", "step_count"), None)
+        same = not self.carried.ndim or len(self.carried) == number
+        carried = self.carried.expand(number, 1) if same else self.carried.new_zeros(number, 1)
         return carried if steps is None else carried * (steps[:, 0] > 1)
 
     def _with_values(self, batch: TensorDictBase) -> TensorDictBase:
