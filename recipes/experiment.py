@@ -91,7 +91,7 @@ def main(config: DictConfig) -> None:
         with composing, nullcontext() if root is None else configs_of(root):
             place = step_config(without_bonus(step))
             step = with_bonus(step, place.task.name, place.seed, place.results_dir, place.runs_dir, published)
-            done = is_done(step, ignored=("bonus",))
+            done = is_done(step, ignored=("bonus",), other_code=root is not None)
         if not done:
             run_until(end, step, line=line, code=root)
 

@@ -87,7 +87,7 @@ def test_what_is_finished_is_not_run_again(queue, monkeypatch):
 
     steps = [step for step, _, _ in queue(FEW)]
     finished = steps[0]
-    monkeypatch.setattr(experiment, "is_done", lambda step, ignored: step == finished)
+    monkeypatch.setattr(experiment, "is_done", lambda step, **how: step == finished)
     assert [step for step, _, _ in queue(FEW)] == steps[1:]
 
 

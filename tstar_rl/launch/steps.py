@@ -64,7 +64,9 @@ def check_step(step: Step, shared: Sequence[str] = ()) -> None:
         raise ConfigError(f"{' '.join((name, *values))}: {error}") from None
 
 
-def is_done(step: Step, shared: Sequence[str] = (), ignored: Sequence[str] = ()) -> bool:
+def is_done(
+    step: Step, shared: Sequence[str] = (), ignored: Sequence[str] = (), other_code: bool = False
+) -> bool:
     """Whether a step need not be run: its files are there, and are what the step would make.
 
     Demonstrations are done if their files are there, and hold what the step would make. A training is done if it has
@@ -78,6 +80,7 @@ def is_done(step: Step, shared: Sequence[str] = (), ignored: Sequence[str] = ())
         step: recipe and values.
         shared: values that come before the step's own.
         ignored: sections of a training's config that may have changed since it finished.
+        other_code: whether the step is run with the code of another commit, which has furniture of its own.
 
     Raises:
         CheckpointMismatchError: if a training has finished with another config, or an evaluation that is there is of
@@ -89,7 +92,7 @@ def is_done(step: Step, shared: Sequence[str] = (), ignored: Sequence[str] = ())
         return False
     if step[0] == "make_demonstrations":
         for part, kind in product(demonstrated(config), config.kinds):
-            check_made(config, part, kind)
+            check_made(config, part, kind, furniture=not other_code)
         return True
     if step[0] == "evaluate":
         return is_evaluated(config)
