@@ -34,7 +34,7 @@ from tstar_rl.launch.bonus import with_bonus, without_bonus
 from tstar_rl.launch.code_of_commit import code_of_commit, configs_of
 from tstar_rl.launch.overrides import passed_on, section_of
 from tstar_rl.launch.side_by_side import Step, run_side_by_side
-from tstar_rl.launch.steps import check_step, is_done, step_config
+from tstar_rl.launch.steps import check_step, is_done, left_behind, step_config
 from tstar_rl.launch.time_limit import MORE, TimeIsOver, check_goes_on, deadline, run_until
 from tstar_rl.runs.mismatch import MACHINE_ONLY
 
@@ -85,6 +85,8 @@ def main(config: DictConfig) -> None:
     named = {commit for lane in lanes for commit, _ in lane if commit is not None}
     code = {commit: code_of_commit(commit, Path(config.runs_dir) / "code") for commit in sorted(named)}
     composing = threading.Lock()  # Hydra composes one config at a time
+    further: list[Step] = []
+    """Steps that left more to go on from than they found."""
 
     def run(planned: Planned, shared: list[str], line: int) -> None:
         root, step = code.get(planned[0] or ""), planned[1]
@@ -92,8 +94,13 @@ def main(config: DictConfig) -> None:
             place = step_config(without_bonus(step))
             step = with_bonus(step, place.task.name, place.seed, place.results_dir, place.runs_dir, published)
             done = is_done(step, ignored=("bonus",), other_code=root is not None)
-        if not done:
+        if done:
+            return
+        before = left_behind(step, place)
+        try:
             run_until(end, step, line=line, code=root)
+        finally:
+            further.extend([step] if left_behind(step, place) != before else [])
 
     _check(lanes, code)
     stopped: SystemExit | None = None
@@ -111,6 +118,10 @@ def main(config: DictConfig) -> None:
         return
     if set(str(stopped).splitlines()) != {str(TimeIsOver())}:
         raise stopped
+    if not further:
+        raise SystemExit(
+            f"no step of the experiment has left anything to go on from after minutes={config.minutes:g}: give it more"
+        )
     print("The time is over; the same command goes on.")
     raise SystemExit(MORE)
 

@@ -21,11 +21,9 @@ from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.load import recipe
 from tstar_rl.launch.backends import check_local
 from tstar_rl.launch.overrides import passed_on
-from tstar_rl.launch.run_folders import run_folder
 from tstar_rl.launch.side_by_side import Step
-from tstar_rl.launch.steps import is_done, step_config, step_files
+from tstar_rl.launch.steps import is_done, left_behind, step_config
 from tstar_rl.launch.time_limit import MORE, TimeIsOver, check_goes_on, deadline, run_until
-from tstar_rl.runs import checkpoint
 from tstar_rl.runs.csv_tables import append_rows
 from tstar_rl.runs.run_folder import run_path
 
@@ -48,9 +46,10 @@ def main(config: DictConfig) -> None:
             if is_done(step, shared):
                 continue
             own = step_config(step, shared)
-            before = _kept(step, own)
+            before = left_behind(step, own)
             taken = _take(step, shared, end, place)
-            whole = whole and _kept(step, own) == before  # nothing in this call has got any further so far
+            # Whether nothing in this call has got any further so far.
+            whole = whole and left_behind(step, own) == before
             if not taken and whole:
                 raise SystemExit(
                     f"{' '.join(step)} had all {config.minutes:g} minutes of a call and left nothing to go on "
@@ -75,17 +74,6 @@ def _steps(place: DictConfig, video: bool) -> list[Step]:
         ("evaluate", "system=no_finetuning", film),
     ]
     return [("make_demonstrations", f"kinds=[{place.demonstrations.kind}]"), *skills, *tries, *chains]
-
-
-def _kept(step: Step, config: DictConfig) -> tuple[Path | None, dict[Path, int]]:
-    """What a step that is stopped now leaves behind: its newest checkpoint, and the files that it has completed.
-
-    Args:
-        step: recipe and values.
-        config: the step's own.
-    """
-    written = {file: file.stat().st_mtime_ns for file in step_files(step, config) if file.is_file()}
-    return checkpoint.latest(run_folder(config, "runs_dir") / "checkpoints"), written
 
 
 def _take(step: Step, shared: list[str], end: float, place: DictConfig) -> bool:

@@ -6,12 +6,15 @@ import sys
 from pathlib import Path
 
 import pytest
+import torch
 import yaml
 from finished_steps import composed
 from hydra.core.global_hydra import GlobalHydra
 
 from tstar_rl.launch import steps, time_limit
+from tstar_rl.launch.run_folders import run_folder
 from tstar_rl.launch.side_by_side import Step
+from tstar_rl.runs import checkpoint
 
 ROOT = Path(__file__).resolve().parents[2]
 ONE = ["experiment=shelf", "tasks=[chair_agne]", "seeds=[310]", "processes=1"]
@@ -97,12 +100,26 @@ def test_when_the_time_is_over_it_says_so_and_asks_to_be_called_again(queue, cap
     def too_long(step):
         steps.append(step)
         if step[0] == "gail_ppo":
+            checkpoint.save_step(checkpoints(step), len(steps), {"module": torch.nn.Linear(1, 1)}, {})
             raise subprocess.TimeoutExpired("gail_ppo", 1.0)
 
-    with pytest.raises(SystemExit) as end:
-        queue("minutes=60", FEW, takes=too_long)
-    assert end.value.code == 75 and steps[-1][0] == "gail_ppo"
-    assert "The time is over; the same command goes on." in capsys.readouterr().out
+    for _ in range(2):
+        with pytest.raises(SystemExit) as end:
+            queue("minutes=60", FEW, takes=too_long)
+        assert end.value.code == 75 and steps[-1][0] == "gail_ppo"
+        assert "The time is over; the same command goes on." in capsys.readouterr().out
+
+
+def test_a_call_that_leaves_nothing_to_go_on_from_asks_for_more_minutes(queue):
+    def too_long(step):
+        raise subprocess.TimeoutExpired("gail_ppo", 1.0)
+
+    with pytest.raises(SystemExit, match="has left anything to go on from after minutes=0.5: give it more"):
+        queue("minutes=0.5", FEW, takes=too_long)
+
+
+def checkpoints(step: Step) -> Path:
+    return run_folder(composed(step), "runs_dir") / "checkpoints"
 
 
 def test_a_step_that_fails_is_told_at_the_end(queue):

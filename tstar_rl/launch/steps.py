@@ -29,7 +29,7 @@ from tstar_rl.runs.mismatch import (
 from tstar_rl.runs.run_config import read_config
 from tstar_rl.runs.run_folder import FINISHED
 
-__all__ = ["check_step", "is_done", "missing", "step_config", "step_files"]
+__all__ = ["check_step", "is_done", "left_behind", "missing", "step_config", "step_files"]
 
 
 UNTRAINING = ("make_demonstrations", "evaluate")
@@ -138,3 +138,15 @@ def step_files(step: Step, config: DictConfig) -> list[Path]:
     if step[0] == "evaluate":
         return [run_folder(config, "results_dir") / "evaluation.csv"]
     return [run_folder(config, "runs_dir") / FINISHED]
+
+
+def left_behind(step: Step, config: DictConfig) -> dict[Path, int]:
+    """What a step that is stopped now leaves to go on from: checkpoints, and files that it has completed; when written.
+
+    Args:
+        step: recipe and values.
+        config: the step's own.
+    """
+    checkpoints = (run_folder(config, "runs_dir") / "checkpoints").glob("checkpoint-*")
+    files = (file for file in step_files(step, config) if file.is_file())
+    return {path: path.stat().st_mtime_ns for path in (*checkpoints, *files)}
