@@ -5,6 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.experiments.published import publish
 from tstar_rl.runs.csv_tables import LogError
 from tstar_rl.runs.files import turn_to_write
@@ -136,3 +137,14 @@ def test_a_copy_that_fails_leaves_no_table(tmp_path, monkeypatch):
     with pytest.raises(OSError, match="No space"):
         publish(tmp_path / "a", tmp_path / "b")
     assert not list((tmp_path / "b/t/one/seed0").iterdir())
+
+
+def test_a_folder_that_is_no_run_is_told_after_the_others_are_copied(tmp_path):
+    for folder in ("t/tstar/seed0", "t/tstar/seed0_old"):
+        (tmp_path / "a" / folder).mkdir(parents=True)
+        (tmp_path / "a" / folder / "evaluation.csv").write_text("progress\n1\n")
+    with pytest.raises(
+        InvalidValueError, match=f"got t/tstar/seed0_old in {tmp_path / 'a'}: what is no run belongs"
+    ):
+        publish(tmp_path / "a", tmp_path / "b")
+    assert [file.parent.name for file in (tmp_path / "b").rglob("evaluation.csv")] == ["seed0"]

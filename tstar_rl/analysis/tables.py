@@ -99,7 +99,7 @@ def _of_arms_own_skills(root: Path, name: str) -> list[Path]:
 
 def _read_one(file: Path, root: Path) -> pd.DataFrame:
     """The table of a run, with its task, recipe, seed and subtask."""
-    table, (place, _) = _parsed(file, _state(file)), read_run_path(file.relative_to(root))
+    table, (place, _) = _parsed(file, _state(file)), read_run_path(file.relative_to(root), root)
     seeds = set(table.get("seed", ())) - {place.seed}
     if seeds:
         others = ", ".join(map(str, sorted(seeds)))

@@ -4,7 +4,7 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
-from tstar_rl.checks import InvalidValueError
+from tstar_rl.checks import InvalidValueError, UserError
 from tstar_rl.runs.csv_tables import LogError, read_table
 from tstar_rl.runs.files import replacing, turn_to_write
 from tstar_rl.runs.run_config import DamagedConfigError, read_config
@@ -38,12 +38,13 @@ def publish(
 
     Raises:
         InvalidValueError: a run was published before with other figures; the others are copied first, but for chains of
-            skills with other figures than those that are published.
-        LogError: a table of a run is damaged; the others are copied first.
+            skills with other figures than those that are published. Or a table lies in no run's folder.
+        LogError: a table of a run is damaged. Here too, and for a table of no run, the others are copied first.
     """
-    written, differ, damaged = [], [], []
+    written, differ = [], []
     other_skills: set[tuple[str, str, int]] = set()
-    for file, there in _skills_first(Path(source), Path(target), declared):
+    found, damaged = _skills_first(Path(source), Path(target), declared)
+    for file, there in found:
         place = read_run_path(there.parent.relative_to(target))[0]
         with turn_to_write(there.parent):
             try:
@@ -69,14 +70,21 @@ def publish(
     return written
 
 
-def _skills_first(source: Path, target: Path, declared: Callable[[Place], bool]) -> list[tuple[Path, Path]]:
-    """Each evaluation of a declared run, and where it is published; those of skills stand before those of chains."""
-    files = [(file, target / file.relative_to(source)) for file in sorted(source.rglob("evaluation.csv"))]
-    places = [read_run_path(there.parent.relative_to(target))[0] for _, there in files]
-    found = [
-        (place.subtask is None, *each) for place, each in zip(places, files, strict=True) if declared(place)
-    ]
-    return [(file, there) for _, file, there in sorted(found)]
+def _skills_first(
+    source: Path, target: Path, declared: Callable[[Place], bool]
+) -> tuple[list[tuple[Path, Path]], list[UserError]]:
+    """Evaluations of declared runs, with where they are published, skills first; and errors of those of no run."""
+    found: list[tuple[bool, Path, Path]] = []
+    errors: list[UserError] = []
+    for file in sorted(source.rglob("evaluation.csv")):
+        try:
+            place = read_run_path(file.parent.relative_to(source), source)[0]
+        except InvalidValueError as error:
+            errors.append(error)
+            continue
+        if declared(place):
+            found.append((place.subtask is None, file, target / file.relative_to(source)))
+    return [(file, there) for _, file, there in sorted(found)], errors
 
 
 def _whole_tables(run: Path) -> list[Path]:

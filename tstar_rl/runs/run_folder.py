@@ -47,18 +47,20 @@ def run_path(root: str | Path, task: str, recipe: str, seed: int, subtask: int |
     return path if subtask is None else path / f"subtask{subtask}"
 
 
-def read_run_path(path: Path) -> tuple[Place, Path]:
+def read_run_path(path: Path, root: Path | None = None) -> tuple[Place, Path]:
     """The inverse of `run_path`: the run that a path belongs to, and the rest of the path below the run's folder.
 
     Args:
         path: relative to the root.
+        root: for the message, where all that lies there is to be of runs.
 
     Raises:
         InvalidValueError: if it is not <task>/<recipe>/seed<k>[/subtask<i>][/...].
     """
     found = re.fullmatch(r"([^/]+)/(.+?)/seed(\d+)(?:/subtask(\d+))?(?:/(.*))?", path.as_posix())
     if found is None:
-        raise InvalidValueError(f"a run lies at <task>/<recipe>/seed<k>[/subtask<i>], got {path}")
+        out = "" if root is None else f" in {root}: what is no run belongs elsewhere"
+        raise InvalidValueError(f"a run lies at <task>/<recipe>/seed<k>[/subtask<i>], got {path}{out}")
     task, system, seed, subtask, rest = found.groups()
     return Place(task, system, int(seed), None if subtask is None else int(subtask)), Path(rest or "")
 
