@@ -164,7 +164,7 @@ def test_pictures():
         ({"height": 961}, "height must be a whole number from 1 to 960, got 961"),
         ({"height": 60.0}, "height must be a whole number from 1 to 960, got 60.0"),
         ({"nthread": -1}, "nthread .* must be a whole number from 0, got -1"),
-        ({"autoreset_mode": "Later"}, "'Later' is not a valid AutoresetMode"),
+        ({"autoreset_mode": "Later"}, "autoreset_mode must be one of 'NextStep', .*; got 'Later'"),
     ],
 )
 def test_mistakes_when_making_are_told(arguments, message):
