@@ -32,7 +32,16 @@ class StateEditor:
 
     def qpos_of(self, snapshot: TensorDictBase) -> Tensor:
         """Joint positions (n, nq) of snapshots [n], quaternions with the signs that observations show."""
-        return snapshot["physics"][:, self._slice(_QPOS)].clone()
+        return self._physics(snapshot)[:, self._slice(_QPOS)].clone()
+
+    def _physics(self, snapshot: TensorDictBase) -> Tensor:
+        """The simulators' states in a snapshot, (n, S); ValueError for what is none."""
+        if "physics" not in snapshot.keys():
+            there = ", ".join(map(str, snapshot.keys())) or "nothing"
+            raise ValueError(
+                f"a snapshot has physics, welds and task, as snapshot() gives it; this has {there}"
+            )
+        return snapshot["physics"]
 
     def one_sided(self, qpos: Tensor) -> Tensor:
         """Positions (n, nq) with the quaternions of each part on one side, so that they have a mean and a spread."""
@@ -54,7 +63,7 @@ class StateEditor:
             breaks it no more, but not by welds of connectors that are `APART`: a snapshot with one is refused.
 
         Raises:
-            ValueError: the positions are of another number of snapshots or of another scene.
+            ValueError: the positions are of another number of snapshots or of another scene, or there is no snapshot.
         """
         if tuple(qpos.shape) != (wanted := (len(snapshot), self.model.nq)):
             raise ValueError(

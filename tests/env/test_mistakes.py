@@ -64,6 +64,16 @@ def test_an_action_of_another_shape(env):
         env.step(tensordict.set("action", torch.zeros(2, 8)))
 
 
+def test_what_is_no_snapshot(env):
+    odd, told = (
+        env.reset().select("observation"),
+        "a snapshot has physics, welds and task, .*; this has observation",
+    )
+    for edit in (env.qpos_of, lambda snapshot: env.with_qpos(snapshot, torch.zeros(2, 44))):
+        with pytest.raises(ValueError, match=told):
+            edit(odd)
+
+
 @pytest.mark.parametrize("rows", [(slice(1),), (slice(None), slice(-1))], ids=["a row too few", "short rows"])
 def test_positions_of_another_shape(env, rows):
     snapshot = env.snapshot()
