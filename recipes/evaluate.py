@@ -81,8 +81,8 @@ def main(config: DictConfig) -> None:
             recorder.write(results)
             env.close()
             film = False  # the first checkpoint's first mode alone
-    _forget_older(results / "evaluation.csv", config)
     file = results / "evaluation.csv"
+    _forget_older(file, config)
     # First: a table whose world nobody noted would pass for any.
     note_evaluation(results, plain(config), rows_stay(file, rows, KEY))
     print(append_rows(file, rows, KEY).round(3).to_string(index=False))

@@ -36,9 +36,8 @@ def main(config: DictConfig) -> None:
         )
     path = Path(config.results_dir) / "shelf_scripted.csv"
     tasks = config.tasks or sorted(file.stem for file in (CONFIGS / "task").glob("*.yaml"))
-    for task, values in {
-        task: task_section(task) for task in tasks
-    }.items():  # a name that is none is told first
+    sections = {task: task_section(task) for task in tasks}  # a name that is none is told first
+    for task, values in sections.items():
         rows = _rows(OmegaConf.merge(config, {"task": values}))  # pyright: ignore[reportArgumentType]
         table = append_rows(path, rows, ("task", "subtask", "seed"))
         print(table[table.task == task].round(3).to_string(index=False), flush=True)

@@ -6,10 +6,9 @@ import pytest
 import torch
 from tensordict import TensorDict
 from torch.testing import assert_close
-from torchrl.envs import Compose, ParallelEnv, RenameTransform, SerialEnv, StepCounter, TransformedEnv
+from torchrl.envs import Compose, TransformedEnv
 from transform_parts import FixedStarts, Slot
 
-from tstar_rl.checks import InvalidValueError
 from tstar_rl.transforms import (
     ConstantBonus,
     EpisodeStart,
@@ -159,32 +158,6 @@ def test_chained_starts_go_to_rows_being_reset(make_env, policy):
     assert env.transform.draws == {"chained": chained, "environment": 50 - chained}
     rollout = env.rollout(6, policy, break_when_any_done=False)
     assert sum(env.transform.draws.values()) == 100 + int(rollout["next", "done"][:, :-1].sum())
-
-
-def test_around_workers_that_would_drop_the_starts_it_is_refused(make_env):
-    env = TransformedEnv(ParallelEnv(2, make_env), SkillChainReset(FixedStarts(), probability=1.0))
-    with pytest.raises(InvalidValueError, match="append it to the environment that each worker makes"):
-        env.reset()
-
-
-def test_around_environments_with_transforms_of_their_own_it_is_refused(make_env):
-    """TorchRL hands only declared entries on to these: the starts would be dropped, and the rows say otherwise."""
-    counted = lambda: TransformedEnv(make_env(num_envs=2), StepCounter())  # noqa: E731
-    for env in (SerialEnv(2, counted), TransformedEnv(counted(), auto_unwrap=False)):
-        around = TransformedEnv(env, SkillChainReset(FixedStarts(), probability=1.0), auto_unwrap=False)
-        with pytest.raises(InvalidValueError, match="does not act around a TransformedEnv"):
-            around.reset()
-    bare = TransformedEnv(SerialEnv(2, lambda: make_env(num_envs=2)), SkillChainReset(FixedStarts(), 1.0))
-    assert_close(bare.reset()["observation"][..., 0], torch.full((2, 2), 0.9))
-
-
-def test_a_step_without_a_reset_is_told_what_to_do(make_env):
-    env = TransformedEnv(make_env(), SkillChainReset(FixedStarts(), 1.0))
-    with pytest.raises(KeyError, match="no 'start_chained'; begin with env.reset"):
-        env.step(make_env().rand_action())
-    renamed = TransformedEnv(make_env(), Compose(RenameTransform(["observation"], ["seen"]), EpisodeStart()))
-    with pytest.raises(KeyError, match="the environment has no 'observation'; it has .*seen"):
-        renamed.reset()
 
 
 def test_without_starts_the_environment_begins(make_env):
