@@ -6,8 +6,10 @@
 Nothing is trained. <results_dir>/<task>/exchanged.csv has four rows for each seam: the first skill as before or after
 fine-tuning, the second one too, and how often the second succeeds from where the first hands over. What the skills were
 before is what the chain's training noted (skills and from_checkpoint in its config.yaml). Rows of the same chain are
-replaced. exchanged.png beside it shows all chains of that checkpoint. With `against` the skills are exchanged for those
-of another chain of the same seed: in exchanged_<against>.csv `before` says those, and there is no picture.
+replaced. exchanged.png beside it shows all chains of that checkpoint. From two seeds of a system on, what the first
+skill's ends add, and what the second skill adds by how it takes over, is printed with intervals over seeds. With
+`against` the skills are exchanged for those of another chain of the same seed: in exchanged_<against>.csv `before` says
+those, and there is no picture.
 """
 
 from functools import partial
@@ -15,6 +17,7 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
+from tstar_rl.analysis.exchanged import exchange_effects
 from tstar_rl.analysis.figures import exchanged_figure, save_figure
 from tstar_rl.config.chain import skills_as_they_are
 from tstar_rl.config.load import recipe
@@ -52,6 +55,9 @@ def main(config: DictConfig) -> None:
     )
     print(table.round(3).to_string(index=False))
     shown = table[table["checkpoint"] == config.checkpoint]
+    mine = shown[shown["system"] == config.system]
+    if mine["seed"].nunique() > 1:
+        print(exchange_effects(mine).round(3).to_string(index=False))
     if config.against is not None:
         print(place / f"{name}.csv")
         return

@@ -11,9 +11,9 @@ from published_runs import contents, write
 @pytest.fixture
 def published(tmp_path) -> Path:
     """An experiment of two arms and two seeds, and tables beside the paper's."""
-    for seed, progress in ((3, 0.75), (4, 0.5)):
-        write(tmp_path, "odd", "tstar", seed, progress)
-        write(tmp_path, "odd", "buffer_no_gate", seed, progress - 0.25)
+    for seed, ours, theirs in ((3, 0.75, 0.5), (4, 0.5, 0.255)):
+        write(tmp_path, "odd", "tstar", seed, ours)
+        write(tmp_path, "odd", "buffer_no_gate", seed, theirs)
     write(tmp_path, "plain", "tstar", 0, 1.0)
     own = {"system": "tstar", "checkpoint": "last", "own_starts": 1.0}
     steps = [{**own, "seed": seed, "subtask": 0} for seed in (3, 4)]

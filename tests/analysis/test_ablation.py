@@ -118,13 +118,15 @@ def test_the_table_has_the_interval_of_seeds_and_episodes(tmp_path, capsys):
 
 
 def test_the_finding_follows_the_table(tmp_path):
-    rows = tables(tmp_path, zero=[0.2, 0.25], small=[0.6], paper=[0.5, 0.55], large=[0.4, 0.8])
+    rows = tables(tmp_path, zero=[0.2, 0.26], small=[0.6], paper=[0.5, 0.55], large=[0.4, 0.8])
     lines = ablation_finding(rows).splitlines()
     assert lines[0] == "table_lack, 2 seeds, differences in progress:"
-    # Both seeds say -0.3, and 1.96 sqrt(0.16 + 0.1875 + 0.25 + 0.2475) / 20 = 0.090 is from episodes.
-    assert lines[1].startswith("  zero against paper: -0.300 [-0.") and lines[1].endswith(", lower")
+    # Seeds say -0.30 and -0.29, and 1.96 sqrt(0.16 + 0.1924 + 0.25 + 0.2475) / 20 = 0.090 is from episodes.
+    assert lines[1].startswith("  zero against paper: -0.295 [-0.") and lines[1].endswith(", lower")
     # On seed 0 alone: +0.1 +- 1.96 sqrt(0.24 + 0.25) / 10.
-    assert lines[2].startswith("  small against paper: +0.100 [-0.0") and lines[2].endswith("one seed")
+    assert lines[2].startswith("  small against paper: +0.100 [-0.0") and lines[2].endswith(
+        "one seed (1 of them)"
+    )
     assert lines[3].endswith("no clear difference")  # -0.1 and +0.25
 
 

@@ -1,9 +1,12 @@
 """What the first skill's ends and the second's taking over add, on numbers made by hand."""
 
+import math
+
 import pandas as pd
 import pytest
 
 from tstar_rl.analysis.exchanged import exchange_effects
+from tstar_rl.checks import InvalidValueError
 
 
 def seam(seed: int, **taken: int) -> list[dict]:
@@ -50,10 +53,25 @@ def test_a_seed_whose_first_skill_hands_nothing_over_is_left_out():
     assert exchange_effects(rows.assign(taken=0)).empty
 
 
-def test_seeds_that_all_show_the_same_are_certain():
-    """Student's test of differences without any spread: p is 0 where they are not 0, and 1 where they are."""
+def test_seeds_that_all_show_the_same_say_nothing_of_others():
+    """Without any spread Student's test has nothing to go by, but where all differences are 0."""
     alike = {"after_after": 90, "before_after": 70, "after_before": 90, "before_before": 70}
     rows = [row for seed in range(3) for row in seam(seed, **alike)]
     found = exchange_effects(pd.DataFrame(rows)).set_index("effect")
     assert found.value.to_dict() == pytest.approx({"ends": 0.2, "taking over": 0.0, "both": 0.2})
-    assert found.p_value["ends"] < 1e-12 and found.p_value["taking over"] == 1.0
+    assert math.isnan(found.p_value["ends"]) and found.p_value["taking over"] == 1.0
+    assert found.verdict.to_dict() == {
+        "ends": "no spread",
+        "taking over": "no clear difference",
+        "both": "no spread",
+    }
+
+
+def test_rows_of_two_chains_and_a_seed_without_all_cells_are_refused():
+    rows = seam(0, after_after=90, before_after=70, after_before=80, before_before=60)
+    two = [{**row, "system": name, "checkpoint": "last"} for name in ("tstar", "other") for row in rows]
+    with pytest.raises(InvalidValueError, match="of one system, got other, tstar"):
+        exchange_effects(pd.DataFrame(two))
+    lacking = rows + seam(1, after_after=90, before_after=70, after_before=80)
+    with pytest.raises(InvalidValueError, match="skill 1 needs 4 rows of each seed; not so: 1$"):
+        exchange_effects(pd.DataFrame(lacking))

@@ -41,8 +41,12 @@ def test_a_gap_is_as_unsure_as_both_of_its_sides():
     assert (found.high - found.low) / 2 == pytest.approx(1.96 * deviation, rel=0.05)
 
 
-def test_certain_episodes_leave_no_doubt():
-    assert gap_interval([10, 10], 10, np.ones(5), rng()) == (0.0, 0.0, 0.0)
+def test_skills_that_never_failed_may_still_fail():
+    """Of one that succeeded in all of 50 episodes Jeffreys' 2.5% quantile is that of Beta(50.5, .5), .951."""
+    found = product_interval([50], 50, rng(), 20_000)
+    assert found.value == found.high == 1.0 and found.low == pytest.approx(0.951, abs=0.002)
+    gap = gap_interval([10, 10], 10, np.ones(5), rng())
+    assert gap.value == gap.high == 0.0 and -0.4 < gap.low < -0.1
 
 
 def test_no_episodes_are_refused():

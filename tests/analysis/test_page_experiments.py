@@ -24,10 +24,10 @@ def test_an_experiment_has_arms_comparisons_and_its_commit(published):
     assert re.search(
         r"\| T-STAR \| 2 \| 0\.625 \[0\.\d\d, 0\.\d\d\] .*\| 0\.75 0\.50 \| - \| 1\.000 \| 0\.375 \|", odd
     )
-    assert "| buffer starts, every turn kept | 2 | 0.375 [" in odd
-    # Both seeds differ by .25; four pairs of seeds: three wins and a tie.
+    assert "| buffer starts, every turn kept | 2 | 0.378 [" in odd
+    # The seeds differ by .25 and .245; four pairs of seeds: three wins and a tie.
     assert re.search(
-        r"\| T-STAR minus buffer starts, every turn kept \| 2 \| 2 \| \+0\.250 .* \| 0\.875 \| higher \|",
+        r"\| T-STAR minus buffer starts, every turn kept \| 2 \| 2 \| \+0\.247 .* \| 0\.875 \| higher \|",
         odd,
     )
     assert "| T-STAR, last | 1.00 | 0.50 / 1.00 | 2 |" in odd
@@ -42,7 +42,7 @@ def test_every_run_has_its_row_on_a_page_of_its_own(published):
         ["| T-STAR", "3", "last", "0.750"],
         ["| T-STAR", "4", "last", "0.500"],
         ["| buffer starts, every turn kept", "3", "last", "0.500"],
-        ["| buffer starts, every turn kept", "4", "last", "0.250"],
+        ["| buffer starts, every turn kept", "4", "last", "0.255"],
     ]
     assert "| T-STAR | 0 | last | 1.000 |" in plain
     page = results_page(published, THEIRS, "")
@@ -94,9 +94,9 @@ def test_declared_questions_are_answered_when_their_seeds_are_there(published):
     contents(published, [odd, {"folder": "plain", "kind": "paper"}])
     page = results_page(published, THEIRS, "Found:\n\n<!-- answers: odd -->")
     lead, rest = page.split("## How to read the tables")
-    for part in (lead, rest):  # both seeds differ by .25; the probability of improvement is .875
-        assert re.search(r"\| Is it higher\? \| \+0\.250 \[[^|]+\| \*\*yes\*\* \|", part)
-        assert re.search(r"\| Is it better\? \| \+0\.250 \[[^|]+\| \*\*not shown\*\* \|", part)
+    for part in (lead, rest):  # seeds differ by .25 and .245; the probability of improvement is .875
+        assert re.search(r"\| Is it higher\? \| \+0\.247 \[[^|]+\| \*\*yes\*\* \|", part)
+        assert re.search(r"\| Is it better\? \| \+0\.247 \[[^|]+\| \*\*not shown\*\* \|", part)
         assert "| **measured so far: 2 of 3 seeds** |" in part
         assert "| And mine? | - | **measured so far: 0 of 1 seeds** |" in part
 
@@ -130,6 +130,14 @@ def test_the_turns_of_an_experiment_by_hand(published):
     (axes,) = rise_figure(read_metrics(published / "odd"), "table", {"tstar": "T-STAR"}).axes
     one, other, mean = (line.get_xydata().tolist() for line in axes.lines)
     assert one == other == mean == [[1, 0.5], [3, 0.75]]
+    another = pd.DataFrame({"trial_progress": [0.75, 1.0, 1.0], "env_steps": [2, 4, 5], "skill": 0})
+    another.to_csv(
+        published / "odd/table/tstar/seed4/metrics.csv", index=False
+    )  # other steps, and a trial more
+    (axes,) = rise_figure(read_metrics(published / "odd"), "table", {"tstar": "T-STAR"}).axes
+    one, other, mean = (line.get_xydata().tolist() for line in axes.lines)
+    assert (one, other) == ([[1, 0.5], [3, 0.75]], [[2, 0.75], [4, 1], [5, 1]])
+    assert mean == [[1.5, 0.625], [3.5, 0.875]]
 
 
 def test_the_page_shows_the_figures_that_are_drawn(published, tmp_path):
@@ -148,7 +156,7 @@ def test_an_arm_may_have_no_gap_and_a_rule_for_better_shows_what_decides(publish
     )
     page = results_page(published, THEIRS, "")
     assert "| 0.75 0.50 | - | - | - |" in page and "| 1.000 | 0.375 |" not in page
-    assert re.search(r"\| Better\? \| \+0\.250 \[.*\], improvement 0\.88, p < \.001 \| \*\*not shown", page)
+    assert re.search(r"\| Better\? \| \+0\.247 \[.*\], improvement 0\.88, p = 0\.006 \| \*\*not shown", page)
 
 
 def test_the_interval_of_an_answer_is_the_wider_of_two(published):

@@ -68,6 +68,7 @@ def test_a_rollout_counts_by_its_episodes(alone):
             "episodes": [0, 1, 3, 1],
             "completed": [math.nan, 1.0, 2.0, 0.0],
             "phase": [1.0, 2.0, 6.0, 4.0],
+            "task": "table_lack",
             "recipe": "ppo",
             "seed": 7,
             "subtask": -1,
@@ -79,4 +80,6 @@ def test_a_rollout_counts_by_its_episodes(alone):
     assert found["phase"].tolist() == [1.0, 1.5, 4.0, 5.0]
     two = pd.concat([rows, rows.assign(seed=8, phase=9.0)])
     assert running_means(two, ["phase"], 2)["phase"].tolist()[4:] == [9.0] * 4
+    of_another_task = pd.concat([rows, rows.assign(task="chair_ingolf", phase=9.0)])
+    assert running_means(of_another_task, ["phase"], 2)["phase"].tolist()[4:] == [9.0] * 4
     assert read_metrics(alone / "alone")["completed"].notna().sum() == 1

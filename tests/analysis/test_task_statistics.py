@@ -50,6 +50,18 @@ def test_weighted_interquartile_mean_by_hand_and_by_scipy():
     np.testing.assert_allclose(ours.weighted_interquartile_mean(draws, np.ones(7)), plain)
 
 
+def test_where_every_seed_wins_the_interval_is_newcombes():
+    """Of one seed each N is 0: 1 - p = z^2 p. Of ten, worked by hand, p is .80: .20 = .0384 x .80 x (1 + 9 x .611)."""
+    assert ours.least_when_all_win(1, 1) == pytest.approx(1 / (1 + 1.959964**2))
+    assert ours.least_when_all_win(10, 10) == pytest.approx(0.80, abs=0.001)
+    high, low = [[0.9] * 4] * 10, [[0.1] * 4] * 10
+    least = ours.least_when_all_win(10, 10)
+    assert ours.improvement_over_tasks([high], [low], rng()) == (1.0, least, 1.0)
+    assert ours.improvement_over_tasks([low], [high], rng()) == (0.0, 0.0, 1 - least)
+    both = ours.improvement_over_tasks([high, high[:1]], [low, low[:1]], rng())
+    assert both.low == pytest.approx((least + ours.least_when_all_win(1, 1)) / 2)
+
+
 def test_tasks_of_more_seeds_do_not_weigh_more():
     assert ours.interquartile_interval(UNEQUAL, rng()).value == pytest.approx(0.4)
     doubled = [[*UNEQUAL[0], *UNEQUAL[0]], UNEQUAL[1]]

@@ -7,12 +7,11 @@ from tstar_rl.analysis.statistics import (
     RESAMPLES,
     Array,
     Difference,
-    interval_ends,
+    difference_of,
     resampled_means,
     seed_means,
-    student_half,
-    student_p,
 )
+from tstar_rl.checks import InvalidValueError
 
 __all__ = ["EFFECTS", "exchange_effects"]
 
@@ -31,14 +30,24 @@ def exchange_effects(table: pd.DataFrame) -> pd.DataFrame:
     Args:
         table: of `recipes/exchanged.py`, the rows of one chain's system and checkpoint; each seed has all of `CELLS`.
 
+    Raises:
+        InvalidValueError: for rows of several systems or checkpoints, or a seam of a seed that lacks a cell.
+
     Returns:
         A line for each seam and effect: subtask (of the second skill), effect (of `EFFECTS`) and the fields of
         `Difference`, with its verdict. Seeds in which one of the first skills hands nothing over are left out.
 
     Source: the two main effects of a 2 x 2 design, Box, Hunter and Hunter, Statistics for Experimenters, 1978.
     """
+    for name in ("system", "checkpoint"):
+        if name in table and table[name].nunique() > 1:
+            raise InvalidValueError(f"effects are of one {name}, got {', '.join(sorted(set(table[name])))}")
     lines = []
     for subtask, rows in table.groupby("subtask"):
+        numbers = rows.groupby("seed").size()
+        if (numbers != len(CELLS)).any():
+            wrong = ", ".join(map(str, numbers[numbers != len(CELLS)].index))
+            raise InvalidValueError(f"skill {subtask} needs {len(CELLS)} rows of each seed; not so: {wrong}")
         reached = rows.groupby("seed")["handed"].transform("min") > 0
         cells = [_outcomes(rows[reached], *cell) for cell in CELLS]
         if not cells[0]:
@@ -70,5 +79,4 @@ def _effect(cells: list[list[Array]], signs: tuple[int, ...]) -> Difference:
 
     of_seeds = summed([seed_means(cell) for cell in cells])
     draws = summed([resampled_means(cell, chosen, rng) for cell in cells]).mean(-1)
-    mean, half, p_value = float(of_seeds.mean()), student_half(of_seeds), student_p(of_seeds)
-    return Difference(mean, *interval_ends(draws), half, p_value, number)
+    return difference_of(of_seeds, draws)

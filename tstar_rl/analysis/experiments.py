@@ -19,8 +19,8 @@ from tstar_rl.analysis.statistics import paired_difference, seed_means
 from tstar_rl.analysis.tables import (
     config_of,
     episode_progress,
+    evaluations_of,
     is_one_commit,
-    read_evaluations,
     read_hand_over,
     short_commit,
 )
@@ -102,11 +102,10 @@ def read_experiment(root: str | Path, one_commit: bool = False) -> Experiment:
         FileNotFoundError: if neither an arm nor a skill has an evaluation.csv.
         InvalidValueError: see `Experiment.check_one_commit`.
     """
-    found = read_evaluations(root)
+    found = evaluations_of(root)
     if found.empty:
         raise FileNotFoundError(f"no <task>/<arm>/seed<k>/evaluation.csv below {root}")
-    # A script does not learn: it is its own last checkpoint.
-    found = found.rename(columns={"recipe": "arm"}).replace({"checkpoint": {"script": "last"}})
+    found = found.rename(columns={"recipe": "arm"})
     alone = found["subtask"] >= 0
     hand_over = read_hand_over(root).rename(columns={"system": "arm"})
     arms = found[~alone].drop(columns="subtask").reset_index(drop=True)
@@ -168,7 +167,7 @@ Kept = tuple[tuple[int, bytes], ...]
 
 
 def _kept(seeds: Mapping[int, NDArray[np.floating]]) -> Kept:
-    return tuple((seed, scores.astype(float).tobytes()) for seed, scores in seeds.items())
+    return tuple((seed, scores.astype(float).tobytes()) for seed, scores in sorted(seeds.items()))
 
 
 @cache
@@ -245,6 +244,7 @@ def _by_run(table: pd.DataFrame, task: str) -> dict[tuple[Any, ...], pd.DataFram
 
 
 def _of_whole_chain(skills: pd.DataFrame, column: str, run: pd.Series) -> list[float]:
-    """A column of the skills of a run's chain; empty where they are not all of them."""
+    """A column of the skills of a run's chain, which may be shorter than the task; empty where one is lacking."""
     chained = sum(not pd.isna(run[name]) for name in run.index if str(name).startswith("subtask_"))
+    skills = skills[skills["subtask"] < chained]
     return skills[column].tolist() if skills["subtask"].tolist() == list(range(chained)) else []

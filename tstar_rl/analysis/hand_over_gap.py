@@ -22,7 +22,7 @@ def product_interval(
     Args:
         successes: of each skill from its own starts, in order.
         episodes: of each skill.
-        rng: draws episodes with replacement, those of each skill apart.
+        rng: draws the skills' shares, each apart.
         resamples: of the bootstrap.
     """
     shares = np.asarray(successes, dtype=float) / _number(episodes)
@@ -48,7 +48,7 @@ def gap_interval(
     Args:
         successes, episodes: see `product_interval`.
         progress: (episodes,) of the chain, each the share of its subtasks that was done.
-        rng: draws the episodes.
+        rng: draws the shares and the chain's episodes.
         resamples: of the bootstrap.
     """
     shares, values = np.asarray(successes, dtype=float) / _number(episodes), np.asarray(progress, dtype=float)
@@ -60,8 +60,14 @@ def gap_interval(
 def _products(
     shares: NDArray[np.floating], episodes: int, rng: np.random.Generator, resamples: int
 ) -> NDArray[np.floating]:
-    """(resamples,)."""
-    drawn = rng.binomial(episodes, shares, size=(resamples, len(shares))) / episodes
+    """(resamples,): each skill's share is drawn from what so many successes leave likely, a Beta with Jeffreys' prior.
+
+    Episodes drawn with replacement would say that a skill without a failure never fails.
+
+    Source: Brown, Cai and DasGupta, Interval Estimation for a Binomial Proportion, 2001.
+    """
+    done = shares * episodes
+    drawn = rng.beta(done + 0.5, episodes - done + 0.5, size=(resamples, len(shares)))
     return drawn.cumprod(-1).mean(-1)
 
 
@@ -71,7 +77,9 @@ def _means(values: NDArray[np.floating], rng: np.random.Generator, resamples: in
 
 
 def _interval(value: float, draws: NDArray[np.floating]) -> Interval:
-    return Interval(value, *interval_ends(draws))
+    """The draws' interval, up to the value itself, which lies beyond them where all succeeded or all failed."""
+    low, high = interval_ends(draws)
+    return Interval(value, min(low, value), max(high, value))
 
 
 def _number(episodes: int) -> int:

@@ -118,17 +118,26 @@ def _improvement(
 def skills_of_tasks(experiment: Experiment, arm: str) -> dict[str, list[float]]:
     """Of each task that an arm has: success of the skills that it starts from, in order, mean over the arm's seeds.
 
-    That of their last checkpoints, deterministic, from their own starts; [] where they were not tried alone.
+    That of their last checkpoints, deterministic, from their own starts; [] where some of them were not tried alone, on
+    some seed.
     """
     found: dict[str, list[float]] = {}
     for task in experiment.tasks:
         runs, skills = experiment.chosen(task), experiment.skills
-        seeds = runs[runs["arm"] == arm]["seed"].tolist()
+        runs = runs[runs["arm"] == arm]
+        seeds = runs["seed"].tolist()
         if not seeds:
             continue
         source = config_of(run_path(experiment.root, task, arm, seeds[0])).get("skills", "gail_ppo")
         if len(skills):
             skills = skills[(skills["task"] == task) & (skills["arm"] == source) & skills["seed"].isin(seeds)]
             skills = skills[(skills["checkpoint"] == "last") & (skills["mode"] == "deterministic")]
-        found[task] = skills.groupby("subtask")["success"].mean().tolist() if len(skills) else []
+        found[task] = skills.groupby("subtask")["success"].mean().tolist() if _all_tried(runs, skills) else []
     return found
+
+
+def _all_tried(runs: pd.DataFrame, skills: pd.DataFrame) -> bool:
+    """Whether each subtask that some run did or failed has a skill tried alone on every seed of `runs`."""
+    links = [name for name in runs if str(name).startswith("subtask_") and runs[name].notna().any()]
+    tried = set() if skills.empty else set(zip(skills["subtask"], skills["seed"], strict=True))
+    return tried >= {(subtask, seed) for subtask in range(len(links)) for seed in runs["seed"]}

@@ -64,8 +64,10 @@ def answer(question: Question, found: pd.DataFrame) -> str:
         return "not shown"
     if below:
         return f"no: a gain of {question.margin:g} is ruled out"
-    if measured < FEWEST_SEEDS:
-        return "not decided"
+    if measured < FEWEST_SEEDS or (len(rows) > 1 and not rows["verdict"].eq("no clear difference").all()):
+        return (
+            "not decided"  # pairs of which some are settled may be settled in ways that no answer is made for
+        )
     needed = [seeds_to_decide(*one, question.margin, measured) for one in zip(*_spread(rows), strict=True)]
     return f"not decided; {max(needed)} seeds probably would" if all(needed) else "not decided"
 
@@ -76,9 +78,17 @@ def _below(rows: pd.DataFrame, margin: float) -> bool:
 
 
 def _spread(rows: pd.DataFrame) -> tuple[list[float], list[float]]:
-    """Mean and standard deviation over seeds of each difference."""
+    """Mean of each difference, and the deviation over seeds with which Student's interval reaches as far as either.
+
+    An answer needs both intervals: the bootstrap's may reach further than Student's, on one side or on both.
+    """
+    reach = pd.concat(
+        [rows["t_half"], rows["high"] - rows["difference"], rows["difference"] - rows["low"]], axis=1
+    )
     quantiles = student.ppf(0.975, rows["seeds"] - 1)
-    return rows["difference"].tolist(), (rows["t_half"] * rows["seeds"] ** 0.5 / quantiles).tolist()
+    return rows["difference"].tolist(), (
+        reach.max(axis=1, skipna=False) * rows["seeds"] ** 0.5 / quantiles
+    ).tolist()
 
 
 def seeds_to_decide(mean: float, deviation: float, margin: float, measured: int = 1) -> int | None:

@@ -18,6 +18,7 @@ from scipy.stats import t as student
 __all__ = [
     "Difference",
     "Interval",
+    "difference_of",
     "drawn_means",
     "drawn_seeds",
     "holm",
@@ -54,15 +55,18 @@ class Difference(NamedTuple):
     low: float
     high: float
     t_half: float
-    """Half of Student's 95% interval over seeds; nan for one seed."""
+    """Half of Student's 95% interval over seeds; nan of one seed, and where all have one difference that is not 0."""
     p_value: float
-    """Student's, two-sided, that the mean is 0; nan for one seed."""
+    """Student's, two-sided, that the mean is 0; nan where `t_half` is."""
     seeds: int
 
     def verdict(self) -> str:
-        """Returns "higher" or "lower" where both intervals exclude 0, else "no clear difference"; "one seed" of one."""
-        if self.seeds == 1:
-            return "one seed"
+        """Returns "higher" or "lower" where both intervals exclude 0, else "no clear difference".
+
+        "one seed" of one, "no spread" where several seeds have one difference, from which nothing follows for others.
+        """
+        if math.isnan(self.t_half):
+            return "one seed" if self.seeds == 1 else "no spread"
         sure = (self.low > 0 or self.high < 0) and abs(self.value) > self.t_half
         return "no clear difference" if not sure else "higher" if self.value > 0 else "lower"
 
@@ -150,8 +154,19 @@ def paired_difference(
     differences, number = seed_means(pair[0]) - seed_means(pair[1]), len(both)
     chosen = rng.integers(number, size=(resamples, number))
     draws = (resampled_means(pair[0], chosen, rng) - resampled_means(pair[1], chosen, rng)).mean(-1)
-    mean, half, p_value = float(differences.mean()), student_half(differences), student_p(differences)
-    return Difference(mean, *interval_ends(draws), half, p_value, number)
+    return difference_of(differences, draws)
+
+
+def difference_of(values: Array, draws: Array) -> Difference:
+    """Mean (seeds,) of `values` with the bootstrap's interval of its `draws`, and Student's.
+
+    Progress lies on a grid, so a few seeds may have one difference. That they do not vary is then no measurement of how
+    far others would lie, and Student's test says nothing. Where all are 0 both arms did the same, and it does.
+    """
+    mean, number = float(values.mean()), len(values)
+    if np.ptp(values.round(DIGITS)) == 0 and np.round(mean, DIGITS):
+        return Difference(mean, *interval_ends(draws), math.nan, math.nan, number)
+    return Difference(mean, *interval_ends(draws), student_half(values), student_p(values), number)
 
 
 def student_half(values: Array) -> float:

@@ -24,6 +24,7 @@ __all__ = [
     "config_of",
     "episode_progress",
     "evaluation_table",
+    "evaluations_of",
     "is_one_commit",
     "read_calibration",
     "read_evaluations",
@@ -48,6 +49,11 @@ def read_evaluations(root: str | Path = "results") -> pd.DataFrame:
         InvalidValueError: if a table has rows of another seed than its folder's.
     """
     return _read(root, "evaluation.csv", commits=True)
+
+
+def evaluations_of(root: str | Path) -> pd.DataFrame:
+    """`read_evaluations` of an experiment, in which a script, which does not learn, is its own last checkpoint."""
+    return read_evaluations(root).replace({"checkpoint": {"script": "last"}})
 
 
 def read_calibration(root: str | Path = "results") -> pd.DataFrame:

@@ -87,8 +87,8 @@ def answer_over_tasks(question: TaskQuestion, found: pd.DataFrame) -> str:
     Yes: the interval of the probability of improvement lies above .5, and the first is ahead on so many tasks that the
     sign test has p < .05. No, or not by much: that does not hold, and the interval lies below the margin. It does
     worse: as yes, the other way round. Else it is not decided; the answer then says on how many tasks the first is
-    ahead, if that is what is missing, or else how many times as many seeds would decide in four of five cases, should
-    the interval shrink with their root and stay where it is.
+    ahead, where these are too few, and how many times as many seeds would decide in four of five cases, should the
+    interval shrink with their root and stay where it is, and the tasks that the first is ahead on be the same.
 
     The rule reads the interval of `drawn_means`. Where that of `drawn_seeds` gives another answer, both are said.
 
@@ -121,10 +121,10 @@ def _answer(row: pd.Series, margin: float, interval: str) -> str:
         worse = high < NO_DIFFERENCE and needed is not None and behind >= needed
         return "no: it does worse" if worse else "no, or not by much"
     said, rooms = "not decided", [(high - value, margin - value)]
-    if low > NO_DIFFERENCE:
-        asked = "no number of tasks suffices" if needed is None else f"{needed} are asked"
-        said += f"; ahead on {ahead} of {tasks} tasks, where {asked}"
-    else:
+    if needed is None or ahead < needed:
+        asked = "of which no number suffices" if needed is None else f"where {needed} are asked"
+        said += f"; ahead on {ahead} of {tasks} tasks, {asked}" if value > NO_DIFFERENCE else ""
+    elif low <= NO_DIFFERENCE:
         rooms.append((value - low, value - NO_DIFFERENCE))
     times = [(POWERED * half / room) ** 2 for half, room in rooms if room > 0]
     enough = f"; {math.ceil(10 * min(times)) / 10:g} times as many seeds probably would" if times else ""

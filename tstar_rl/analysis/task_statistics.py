@@ -15,6 +15,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import brentq
+from scipy.stats import norm
 
 from tstar_rl.analysis.statistics import (
     RESAMPLES,
@@ -33,6 +35,7 @@ __all__ = [
     "equal_weights",
     "improvement_over_tasks",
     "interquartile_interval",
+    "least_when_all_win",
     "profile_over_tasks",
     "weighted_interquartile_mean",
 ]
@@ -106,6 +109,9 @@ def improvement_over_tasks(
 ) -> Interval:
     """Probability that a seed of `first` beats a seed of `second` on the same task, mean over tasks, with its interval.
 
+    The interval is a bootstrap's. Where the probability is 0 or 1 on every task, which a bootstrap takes for certain,
+    it reaches at least as far as `least_when_all_win`, mean over tasks.
+
     Args:
         first: scores of each task. One task: `[scores]`.
         second: the same of the other arm; tasks in the same order.
@@ -128,7 +134,33 @@ def improvement_over_tasks(
     for one, other in zip(first, second, strict=True):
         values.append(probability_of_improvement(seed_means(one), seed_means(other)))
         draws += probability_of_improvement(*(draw(scores, rng, resamples) for scores in (one, other)))
-    return Interval(float(np.mean(values)), *interval_ends(draws / len(first)))
+    value, (low, high) = float(np.mean(values)), interval_ends(draws / len(first))
+    if value in (0.0, 1.0):
+        both = zip(first, second, strict=True)
+        least = float(np.mean([least_when_all_win(len(one), len(other)) for one, other in both]))
+        low, high = (min(low, least), 1.0) if value else (0.0, max(high, 1.0 - least))
+    return Interval(value, low, high)
+
+
+def least_when_all_win(first: int, second: int) -> float:
+    """Lower end of the 95% interval of a probability of improvement where every seed of an arm beats all of another.
+
+    A bootstrap draws nothing but wins there, and would be certain. This is the p below 1 that solves
+    1 - p = z^2 p [1 + N (1 - p) / (2 - p) + N p / (1 + p)] / (m n), with N = (m + n) / 2 - 1 and z = 1.96.
+
+    Args:
+        first, second: numbers of seeds, m and n.
+
+    Source: Newcombe, Confidence intervals for an effect size measure based on the Mann-Whitney statistic. Part 2,
+    Statistics in Medicine 2006: method 5.
+    """
+    more, z = (first + second) / 2 - 1, float(norm.ppf(0.975))
+
+    def beyond(p: float) -> float:
+        spread = 1 + more * ((1 - p) / (2 - p) + p / (1 + p))
+        return 1 - p - z**2 * p * spread / (first * second)
+
+    return float(brentq(beyond, 0.0, 1.0))
 
 
 def profile_over_tasks(

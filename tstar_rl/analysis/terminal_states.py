@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from tstar_rl.checks import MissingFileError
+from tstar_rl.checks import InvalidValueError, MissingFileError
 from tstar_rl.runs.csv_tables import read_table
 from tstar_rl.seams.one_sided import one_sided
 
@@ -68,10 +68,10 @@ def add_plane(table: pd.DataFrame) -> tuple[pd.DataFrame, list[float]]:
     """The table with quaternions one-sided and columns x, y of one basis for all its rows; shares of the variance.
 
     Raises:
-        ValueError: for fewer than three states.
+        InvalidValueError: for fewer than three states.
     """
     if len(table) < 3:
-        raise ValueError(f"a plane through terminal states needs at least 3 of them, got {len(table)}")
+        raise InvalidValueError(f"a plane through terminal states needs at least 3 of them, got {len(table)}")
     columns = pose_columns(table)
     poses = one_sided(table[columns].to_numpy(dtype=np.float64))
     plane, shares = principal_plane(poses)

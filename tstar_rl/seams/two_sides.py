@@ -17,10 +17,10 @@ __all__ = ["Sides", "two_sides"]
 
 
 class Sides(NamedTuple):
-    """Two heaps of states, and how often each succeeds; all nan where there are no two heaps."""
+    """States on either side of a number, and how often each side succeeds; all nan where all have one number."""
 
     split: float
-    """Between the heaps, in the number's own unit."""
+    """In the number's own unit: between the heaps, if there are two. It is found whether there are or not."""
     below: float
     """Share of the states that lie below."""
     succeeded_below: float

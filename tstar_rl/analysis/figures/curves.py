@@ -22,7 +22,7 @@ BESIDE = 6
 def learning_curves(
     metrics: pd.DataFrame, columns: Iterable[str] = ("success_rate", "episode_length", "kl")
 ) -> Figure:
-    """One panel for each column that was logged, one line for each recipe, subtask, seed and skill.
+    """One panel for each column that was logged, one line for each task, recipe, subtask, seed and skill.
 
     Raises:
         ValueError: if none of the columns was logged.
@@ -32,12 +32,14 @@ def learning_curves(
     if not columns:
         raise ValueError(f"none of {', '.join(wanted)} was logged; there are {', '.join(metrics.columns)}")
     figure, grid = panels(1, len(columns), (5 * len(columns), 4))
-    by = ["recipe", "subtask", "seed"] + (["skill"] if "skill" in metrics else [])
+    named = ["task", "recipe"] if metrics["task"].nunique() > 1 else ["recipe"]
+    by = [*named, "subtask", "seed", *(["skill"] if "skill" in metrics else [])]
     for axes, column in zip(grid[0], columns, strict=True):
         for place, rows in metrics.groupby(by, dropna=False):
             rows = rows.dropna(subset=[column])
-            names = [f"{k} {int(v)}" for k, v in zip(by[1:], place[1:], strict=True) if float(v) >= 0]
-            axes.plot(rows.env_steps, rows[column], label=" ".join([str(place[0]), *names]), linewidth=1)
+            numbers = zip(by[len(named) :], place[len(named) :], strict=True)
+            names = [*map(str, place[: len(named)]), *(f"{k} {int(v)}" for k, v in numbers if float(v) >= 0)]
+            axes.plot(rows.env_steps, rows[column], label=" ".join(names), linewidth=1)
         axes.set(xlabel="environment steps", title=readable(column))
     grid[0][0].legend(fontsize=7)
     return figure
@@ -80,7 +82,7 @@ def running_means(metrics: pd.DataFrame, columns: Iterable[str], window: int) ->
             found[name] = total / counted.rolling(window, min_periods=1).sum().replace(0, float("nan"))
         return run.assign(**found)
 
-    runs = [smoothed(run) for _, run in metrics.groupby(["recipe", "seed", "subtask"], sort=False)]
+    runs = [smoothed(run) for _, run in metrics.groupby(["task", "recipe", "seed", "subtask"], sort=False)]
     return pd.concat(runs) if runs else metrics
 
 

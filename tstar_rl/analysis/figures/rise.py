@@ -15,7 +15,7 @@ __all__ = ["rise_figure"]
 def rise_figure(metrics: pd.DataFrame, task: str, labels: Mapping[str, str] | None = None) -> Figure:
     """Progress of the chain in the trial after each turn, against environment steps learned from.
 
-    A thin line is a seed, a thick one the mean over those that came as far as all others of the arm.
+    A thin line is a seed. A thick one is the mean of their n-th trials, as far as all seeds of the arm have come.
 
     Args:
         metrics: of `read_metrics`.
@@ -31,11 +31,14 @@ def rise_figure(metrics: pd.DataFrame, task: str, labels: Mapping[str, str] | No
     axes = grid[0, 0]
     places = {arm: place for place, arm in enumerate(labels or arms)}
     for arm in arms:
-        seeds = rows[rows["recipe"] == arm].pivot(index="env_steps", columns="seed", values="trial_progress")
-        mean, style = seeds.dropna().mean(axis=1), arm_line(places[arm]) | arm_dots(places[arm])
-        axes.plot(seeds.index, seeds, color=style["color"], linewidth=0.6, alpha=0.5)
-        name = f"{(labels or {}).get(arm, readable(arm))}: {seeds.shape[1]}"
-        axes.plot(mean.index, mean, linewidth=2.2, markersize=5, label=name, **style)
+        mine, style = rows[rows["recipe"] == arm], arm_line(places[arm]) | arm_dots(places[arm])
+        seeds = mine.groupby("seed")
+        for _, run in seeds:
+            axes.plot(run["env_steps"], run["trial_progress"], color=style["color"], linewidth=0.6, alpha=0.5)
+        trials = mine.groupby(seeds.cumcount())[["env_steps", "trial_progress"]]
+        mean = trials.mean()[trials.size() == len(seeds)]
+        name = f"{(labels or {}).get(arm, readable(arm))}: {len(seeds)}"
+        axes.plot(mean["env_steps"], mean["trial_progress"], linewidth=2.2, markersize=5, label=name, **style)
     axes.set(xlabel="environment steps learned from", ylabel="progress in trials", ylim=(None, 1.01))
     axes.xaxis.set_major_formatter(EngFormatter(sep=""))
     arm_legend(axes)

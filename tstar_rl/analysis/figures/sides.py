@@ -33,7 +33,8 @@ def sides_figure(table: pd.DataFrame) -> Figure:
     shares of the states.
 
     Args:
-        table: rows of `seams.csv`, of one task and one checkpoint. States that are not in two heaps have no dots.
+        table: rows of `seams.csv`, of one task and one checkpoint. States that all have one value of the
+            input have no dots; whether the others lie in two heaps is not asked.
     """
     shown = table.dropna(subset=["split"]) if "split" in table else pd.DataFrame()
     if shown.empty:

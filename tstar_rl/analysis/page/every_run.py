@@ -6,8 +6,8 @@ import pandas as pd
 
 from tstar_rl.analysis.page.contents import read_contents
 from tstar_rl.analysis.page.markdown import NOTHING, Paper, labels, table
-from tstar_rl.analysis.page.sections import evaluations_of, in_order, pick
-from tstar_rl.analysis.tables import short_commit, whole_task
+from tstar_rl.analysis.page.sections import in_order, pick
+from tstar_rl.analysis.tables import evaluations_of, short_commit, whole_task
 
 __all__ = ["runs_page"]
 

@@ -34,7 +34,7 @@ PAIRS = "Differences in progress on the same seed."
 HOMINGS = "homings"
 """The column of evaluation.csv that chains with recovery have."""
 FEW = 4
-"""Seeds, below which the bootstrap of a probability of improvement may say that it is certain, and is not shown."""
+"""Seeds, below which the interval of a probability of improvement is too narrow, or nearly all of 0 to 1: not shown."""
 STARRED = (
     "\n\\* In this gap the skills' success is that before fine-tuning, or before normalisers were changed.\n"
 )

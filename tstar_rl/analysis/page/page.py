@@ -20,7 +20,7 @@ from tstar_rl.analysis.page.markdown import Paper, anchor
 from tstar_rl.analysis.page.over_tasks import over_tasks, short_over_tasks
 from tstar_rl.analysis.page.single_policies import single_policies
 from tstar_rl.analysis.page.turns import turns
-from tstar_rl.analysis.tables import read_metrics
+from tstar_rl.analysis.tables import evaluations_of, read_metrics
 from tstar_rl.checks import InvalidValueError
 
 __all__ = ["replace_block", "results_head", "results_page"]
@@ -43,11 +43,14 @@ checkpoint.
 
 *Progress [95%]* and *success [95%]* are interquartile means over seeds (with fewer than four seeds: means). The
 interval is a bootstrap over seeds, and over episodes within seeds. With fewer than some ten seeds it is too narrow, and
-that of one seed is of its episodes alone. So
+that of one seed is of its episodes alone. One that
+ends where it begins, at 1 or 0, had no other episode: of n episodes, up to 3 in n may still be otherwise. So
 a *difference* between two arms, paired by seed, has Student's t beside it, and is called higher or lower only where
 both exclude zero. *Won* is on how many seeds the first arm has more. *Probability of improvement* is how often any seed
 of the first arm beats any seed of the second, whether or not it is the same seed, a tie counting half; so it also
-measures how far seeds are apart; with fewer than four seeds it has no interval. In tables of questions the interval of
+measures how far seeds are apart; with fewer than four seeds it has no interval. Where all seeds of one arm beat all of
+the other, which a bootstrap takes for certain, the interval is Newcombe's (2006, method 5). A verdict is of one pair:
+it is not corrected for how many pairs a table has. In tables of questions the interval of
 a difference reaches from the lower of the two lower ends to the higher of the two upper ends. Where a rule asks for a
 probability of improvement, that stands behind it, with the p-value corrected for the family of pairs (Holm). *Within
 0.05 of zero*, in tables of what a choice adds: both intervals are; other tables say *no clear difference* of such a
@@ -145,7 +148,7 @@ def _experiment(entry: Entry, paper: Paper) -> str:
     said, paper = [f"#{entry.intro()}"], entry.named(paper)
     if entry.kind == "ablations":
         return "\n\n".join([*said, sections.ablated(entry.folder)])
-    evaluations, metrics = sections.evaluations_of(entry.folder), read_metrics(entry.folder)
+    evaluations, metrics = evaluations_of(entry.folder), read_metrics(entry.folder)
     experiment = None if entry.kind == "paper" else read_experiment(entry.folder, entry.commits == "one")
     said.append(commits(experiment) if experiment else "")
     said.append(f"[Every run of it](every_run.md#{anchor(entry.title)}), seed by seed.")
@@ -193,9 +196,9 @@ def replace_block(text: str, block: str) -> str:
     """The text with what is between the two markers replaced.
 
     Raises:
-        InvalidValueError: if the markers are not there.
+        InvalidValueError: if the markers are not there, or not in this order.
     """
-    if text.count(BEGIN) != 1 or text.count(END) != 1:
+    if text.count(BEGIN) != 1 or text.count(END) != 1 or text.index(END) < text.index(BEGIN):
         raise InvalidValueError(f"the text needs one line {BEGIN} and, after it, one line {END}")
     before, rest = text.split(BEGIN)
     return f"{before}{BEGIN}\n{block.strip()}\n{END}{rest.split(END)[1]}"

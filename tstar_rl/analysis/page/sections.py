@@ -18,14 +18,13 @@ from tstar_rl.analysis.page.markdown import (
     table,
     theirs,
 )
-from tstar_rl.analysis.tables import read_evaluations, whole_task
+from tstar_rl.analysis.tables import whole_task
 from tstar_rl.runs.csv_tables import read_table
 
 __all__ = [
     "ablated",
     "budgets",
     "comparison",
-    "evaluations_of",
     "figure_4",
     "hand_over",
     "in_order",
@@ -48,11 +47,6 @@ SPREAD = """\
 Terminal states of successes in training, in three equal parts of the rollouts that had one. Poses are metres and
 quaternions of all parts.
 """
-
-
-def evaluations_of(folder: Path) -> pd.DataFrame:
-    """Every evaluation of an experiment; a script, which does not learn, is its own last checkpoint."""
-    return read_evaluations(folder).replace({"checkpoint": {"script": "last"}})
 
 
 def in_order(paper: Paper, tasks: Iterable[str]) -> list[str]:
