@@ -81,6 +81,9 @@ class BenchSection:
         unknown = [name for name in self.measures if name not in valid]
         if unknown:
             raise InvalidValueError(f"bench.measures has {unknown[0]!r}; valid are {', '.join(valid)}")
+        for name in ("workers", "device_sizes"):
+            if wrong := [size for size in getattr(self, name) if size < 1]:
+                raise InvalidValueError(f"bench.{name} must be whole numbers from 1, got {wrong[0]}")
 
 
 @recipe("bench", bench=BenchSection)

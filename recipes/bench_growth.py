@@ -49,6 +49,15 @@ class GrowthSection:
     rollout_envs: int
     rollout_horizon: int
 
+    def __post_init__(self) -> None:
+        most = max(processes for processes, _ in PARTS)
+        wrong = [size for size in self.sizes if size < 1 or (size >= most and size % most)]
+        if wrong or not self.sizes:
+            raise InvalidValueError(
+                f"growth.sizes must name numbers of simulations, each 1 or even, which {most} processes share; "
+                f"got {wrong[0] if wrong else 'none'}"
+            )
+
 
 @recipe("bench_growth", growth=GrowthSection)
 def main(config: DictConfig) -> None:

@@ -38,8 +38,11 @@ def _same(first: Path, second: Path) -> bool:
     if first.suffix == ".npz":
         one, two = np.load(first), np.load(second)
         return one.files == two.files and all(np.array_equal(one[name], two[name]) for name in one.files)
+    if first.is_file():
+        return first.read_bytes() == second.read_bytes()
     if not is_checkpoint(first):  # of a chain: its skills are found by themselves
-        return not is_checkpoint(second)
+        one, two = ({path.name for path in place.iterdir()} for place in (first, second))
+        return not is_checkpoint(second) and one == two
     return is_checkpoint(second) and _equal(*(Skill.load(path).state_dict() for path in (first, second)))
 
 

@@ -12,6 +12,7 @@ dm_control's tools work on it: `dm_control.viewer`, `suite.wrappers.pixels`, `su
 
 from __future__ import annotations
 
+import copy
 from typing import Any
 
 import dm_env
@@ -66,6 +67,7 @@ class AssemblyTask(control.Task):
         values = np.array(action, dtype=np.float64)
         if values.shape != (NUM_ACTIONS,):
             raise ValueError(f"an action of {self.world.name} has shape ({NUM_ACTIONS},), got {values.shape}")
+        physics.view.catch_up()  # what a user wrote into the data before this step; its controls are this action's
         self._action = self.world.before_step(torch.from_numpy(values).unsqueeze(0))
 
     @torch.inference_mode()
@@ -165,7 +167,7 @@ def _again(arguments: dict[str, Any], state: dict[str, Any]) -> DmEnvironment:
     task, subtask = arguments.pop("task"), arguments.pop("subtask")
     env = make(task, subtask, None, arguments)
     if state["random"] is not None:
-        env.task._random_state = state["random"]
+        env.task._random_state = copy.deepcopy(state["random"])  # copy.copy(env) brings the original's own
     env.world.generator.set_state(state["generator"])
     env.world.restore(state["snapshot"])
     env.world.failures = state["failures"]

@@ -80,8 +80,10 @@ def read_options(
     """Checks the options of a reset.
 
     Raises:
-        ValueError: an option is not one of `valid`, or `snapshot` is no snapshot of as many simulations.
+        ValueError: they are no mapping, one is not of `valid`, or `snapshot` is no snapshot of as many simulations.
     """
+    if options is not None and not isinstance(options, Mapping):
+        raise ValueError(f"reset options are a mapping of {', '.join(valid)}; got {options!r}")
     options = dict(options or {})
     for name in options:
         if name not in valid:
@@ -101,13 +103,16 @@ def read_options(
 def begin(
     world: BatchedEnvironment, seed: int | None, snapshot: TensorDict | None, mask: Tensor | None = None
 ) -> None:
-    """Starts episodes in the simulations of `mask`, by default all: from `snapshot`, or else as the task does."""
+    """Starts episodes in the simulations of `mask`, by default all: from `snapshot`, or else as the task does.
+
+    A snapshot that is refused changes nothing, not even the generator.
+    """
+    if snapshot is not None:
+        world.reset_to(snapshot, mask)
     if seed is not None:
         world.seed(seed)
     if snapshot is None:
         world.reset(mask)
-    else:
-        world.reset_to(snapshot, mask)
 
 
 def read_actions(world: BatchedEnvironment, values: Any, shape: tuple[int, ...]) -> Tensor:

@@ -11,7 +11,7 @@ import mujoco
 from tstar_envs.furniture.schema import Furniture
 from tstar_envs.rendering import CAMERA
 from tstar_envs.robots import sawyer_look
-from tstar_envs.scene import build_spec
+from tstar_envs.scene import build_spec, compiled
 
 FLOOR_TILE = 0.5
 """Side of a floor tile, m."""
@@ -29,7 +29,7 @@ def build_drawn_spec(furniture: Furniture) -> mujoco.MjSpec:
 
 def build_drawn_model(furniture: Furniture) -> mujoco.MjModel:
     """Compiles the scene of `furniture` to draw: for renderers, viewers and players."""
-    return build_drawn_spec(furniture).compile()
+    return compiled(build_drawn_spec(furniture), furniture.name)
 
 
 def _add_floor(spec: mujoco.MjSpec) -> None:

@@ -67,12 +67,20 @@ def build_model(furniture: Furniture) -> mujoco.MjModel:
     Raises:
         FurnitureError: what `build_spec` raises; or MuJoCo does not take the scene, as with parts that weigh nothing.
     """
-    spec = build_spec(furniture)
+    return compiled(build_spec(furniture), furniture.name)
+
+
+def compiled(spec: mujoco.MjSpec, name: str) -> mujoco.MjModel:
+    """Compiles the scene of the furniture `name`.
+
+    Raises:
+        FurnitureError: MuJoCo does not take it.
+    """
     try:
         return spec.compile()
     except ValueError as error:
         said = " ".join(str(error).split())
-        raise FurnitureError(f"{furniture.name}: MuJoCo does not take its scene: {said}") from None
+        raise FurnitureError(f"{name}: MuJoCo does not take its scene: {said}") from None
 
 
 def scene_xml(furniture: Furniture) -> str:
@@ -82,7 +90,7 @@ def scene_xml(furniture: Furniture) -> str:
     last bit, so whoever wants the same future to the bit builds the scene from the furniture.
     """
     spec = build_spec(furniture)
-    model = spec.compile()
+    model = compiled(spec, furniture.name)
     for body in spec.bodies:
         if (
             body.explicitinertial

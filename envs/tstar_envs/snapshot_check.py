@@ -21,6 +21,8 @@ from tstar_envs.tasks.task import EpisodeState
 
 ROUNDING = 1e-4
 """By how much compiled poses may differ: simulators of single precision round them."""
+NEAR_ONE = 1e-3
+"""By how much the length of a quaternion may differ from 1: MuJoCo keeps it at 1 but for rounding."""
 APART = 0.1
 """Further apart, m, no weld of the recipe holds its connectors."""
 
@@ -44,6 +46,8 @@ class SnapshotCheck:
         self._compiled = torch.tensor(model.eq_data, dtype=torch.float64, device=device)
         self._active = row_slice(model, mujoco.mjtState.mjSTATE_EQ_ACTIVE)
         self._qpos = row_slice(model, mujoco.mjtState.mjSTATE_QPOS)
+        free = model.jnt_qposadr[model.jnt_type == mujoco.mjtJoint.mjJNT_FREE]
+        self._quats = torch.tensor(free, device=device).unsqueeze(-1) + torch.arange(3, 7, device=device)
         self._default = torch.tensor(model.qpos0, dtype=torch.float64, device=device)
         self._kinds: dict[Any, tuple[tuple[int, ...], torch.dtype]] = {
             "physics": ((self.num_sims, row_size(model)), torch.float64),
@@ -84,7 +88,8 @@ class SnapshotCheck:
         """Checks the numbers in the rows of `mask` (N,); the snapshot's layout is right and it is on the device.
 
         Raises:
-            ValueError: a subtask or phase is none of this furniture's, a count is negative, or a number is not finite.
+            ValueError: a subtask or phase is none of this furniture's, a count is negative, a number is not finite, or a
+            part's quaternion not of length 1.
         """
         steps = self.tables.num_steps
         for name, most in (("subtask", steps), ("phase", len(PHASES) - 1)):
@@ -112,6 +117,15 @@ class SnapshotCheck:
                 raise ValueError(
                     f"{field!r} of a snapshot of {self.name} is not finite in simulation {wrong.nonzero()[0].item()}"
                 )
+
+        quats = snapshot["physics"][:, self._qpos][:, self._quats]  # (N, parts, 4)
+        wrong = mask & ((quats.norm(dim=-1) - 1).abs() > NEAR_ONE).any(-1)
+        if bool(wrong.any()):
+            row = wrong.nonzero()[0].item()
+            raise ValueError(
+                f"a part's quaternion in the snapshot of {self.name} in simulation {row} has length "
+                f"{quats[row].norm(dim=-1).sub(1).abs().add(1).max().item():.3g}, not 1"
+            )
 
     def furniture(self, snapshot: TensorDictBase, mask: Tensor) -> None:
         """Checks the welds in the rows of `mask` (N,); the snapshot's layout is right and it is on the device.

@@ -70,9 +70,9 @@ QUOTED = [
     "further_training: gaussian_tsr_no_gate - gaussian_bonus_no_gate",
     "further_training: tstar_paper_schedule_no_gate - tstar_no_gate",
     "d_omega: tstar_no_gate - buffer_bonus_no_gate", "exchanged: ends", "exchanged: taking over",
-    "in_order_cloned - in_order_demonstrated",
+    "feasibility_costliest - buffer_costliest", "in_order_cloned - in_order_demonstrated",
 ]  # fmt: skip
-"""The arms of each difference with an interval in the notes, in their order; the last one is the README's own.
+"""The arms of each difference with an interval in the notes, in their order; the last two are the README's own.
 Before the arms: the folder and the task, where these are not beyond_tstar and table_lack; `both` are that folder's arms
 and those of further_training without the gate, seeds of both; `all` has those of d_omega beside them;
 `exchanged` are effects at the first seam, of d_omega_exchanged.csv."""

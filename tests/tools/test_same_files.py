@@ -19,6 +19,17 @@ def test_what_is_missing_or_was_never_written_differs(tmp_path):
     assert differing(("results/*.csv",), whole, folder) == ["results/other.csv", "results/table.csv"]
 
 
+def test_other_files_differ_by_their_bytes_and_folders_by_what_is_in_them(tmp_path):
+    whole, folder = tmp_path / "whole", tmp_path / "folder"
+    for place, number in ((whole, 1), (folder, 2)):
+        (place / "run/last").mkdir(parents=True)
+        (place / "run/config.yaml").write_text(f"a: {number}\n")
+        (place / "run/last/order.json").write_text("{}")
+    assert differing(("run/*.yaml", "run/last", "run/last/*"), whole, folder) == ["run/config.yaml"]
+    (whole / "run/last/more.json").write_text("{}")
+    assert differing(("run/last",), whole, folder) == ["run/last"]
+
+
 def test_skills_differ_by_any_network_or_set_that_one_has(tmp_path):
     places = [tmp_path / name / "runs/last" for name in ("whole", "killed")]
     skills = [small_skill(), small_skill()]

@@ -149,6 +149,9 @@ def test_a_copy_leaves_the_original_s_random_state_where_it_is():
     before = env.task._random.get_state()[2]
     twins = copy.copy(env), copy.deepcopy(env)
     assert [each.task._random.get_state()[2] for each in (env, *twins)] == [before] * 3
+    assert len({id(each.task._random) for each in (env, *twins)}) == 3
+    twins[0].task._random.randint(9)
+    assert env.task._random.get_state()[2] == before
 
 
 def test_what_is_written_into_the_data_is_seen_at_once():
@@ -162,6 +165,15 @@ def test_what_is_written_into_the_data_is_seen_at_once():
     assert (env.physics.control() == 0.01).all() and (env.world.physics.ctrl == 0.01).all()
     env.step(np.zeros(9))
     assert abs(env.physics.data.qpos[11] - height) < 0.1  # it falls from there
+
+
+def test_an_action_counts_and_not_what_was_written_into_the_controls_before():
+    env, twin = (load_dm(TASK, 0, seed=2) for _ in range(2))
+    for each in (env, twin):
+        each.reset()
+    env.physics.data.ctrl[:7] = 0.5
+    one, other = env.step(np.zeros(9)), twin.step(np.zeros(9))
+    np.testing.assert_array_equal(one.observation["observation"], other.observation["observation"])
 
 
 def test_a_reset_of_the_physics_ends_with_current_poses():

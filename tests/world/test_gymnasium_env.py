@@ -209,9 +209,24 @@ def test_mistakes_when_resetting_are_told(snapshot):
         (vector, {"snapshot": snapshot}, r"of batch \(2,\) here; got batch \(3,\)"),
         (vector, {"reset_mask": [True]}, r"shape \(2,\), type bool.*got bool of shape \(1,\)"),
         (vector, {"reset_mask": np.zeros(2, dtype=bool)}, "a True somewhere"),
+        (env, [1], r"reset options are a mapping of snapshot; got \[1\]"),
+        (vector, 5, "reset options are a mapping of snapshot, reset_mask; got 5"),
     ):
         with pytest.raises(ValueError, match=message):
             make.reset(options=options)
+
+
+def test_a_snapshot_that_is_refused_leaves_the_episode_that_is_under_way(snapshot):
+    for env, refused, shape in (
+        (gymnasium.make(ID, subtask=0), snapshot[:1], (9,)),
+        (make_vec(subtask=0), snapshot[:2], (2, 9)),
+    ):
+        env.reset(seed=3)
+        drawn = env.unwrapped.world.generator.get_state()
+        with pytest.raises(ValueError, match="cannot start from snapshots of subtask 1"):
+            env.reset(seed=4, options={"snapshot": refused})
+        assert env.unwrapped.world.generator.get_state().equal(drawn)
+        env.step(np.zeros(shape))
 
 
 def test_mistakes_when_stepping_are_told():

@@ -58,7 +58,10 @@ LEAST = {
     "draws": 1,
     "influence_starts": 0,
     "influence_times": 2,
-    **{f"bench.{name}": 1 for name in ("steps", "rounds", "updates", "worker_steps", "single_steps")},
+    **{
+        f"bench.{name}": 1
+        for name in ("steps", "rounds", "updates", "worker_steps", "chain_rounds", "single_steps")
+    },
     **{f"growth.{name}": 1 for name in ("steps", "least", "rollouts", "rollout_envs", "rollout_horizon")},
 }
 """Of each whole number, the least it may be. A recipe that has no such key is not asked for it."""

@@ -78,6 +78,13 @@ def _check_part(part: Part, where: str) -> None:
         at = f"{where}.connectors.{connector.name}"
         check_lengths(f"{at}.pos", connector.pos)
         check_unit(f"{at}.quat", connector.quat, size=4)
+        for field in ("kind", "mates_with"):
+            if not isinstance(value := getattr(connector, field), str) or not value:
+                raise FurnitureError(f"{at}.{field}: got {value!r}, expected a name")
+        if not isinstance(connector.allowed_angles, tuple):
+            raise FurnitureError(
+                f"{at}.allowed_degrees: got {connector.allowed_angles!r}, expected a tuple, rad"
+            )
         for angle in connector.allowed_angles:
             check_number(f"{at}.allowed_degrees", angle)
         if connector.part != part.name:

@@ -117,18 +117,23 @@ class Fields:
                 )
 
 
-def refuse_odd_names(node: yaml.Node | None, where: str, above: tuple[yaml.Node, ...] = ()) -> None:
+def refuse_odd_names(
+    node: yaml.Node | None, where: str, above: tuple[yaml.Node, ...] = (), passed: set[int] | None = None
+) -> None:
     """Refuses what YAML's reader would take or stumble over.
 
     That is a name that stands twice in a mapping (the last would be kept), a name that is a list or a mapping, and an
-    alias of what it stands in.
+    alias of what it stands in. What an alias repeats is looked at once.
     """
     if node in above:
         raise FurnitureError(f"{where or 'the file'}: is an alias of what it stands in")
-    above = (*above, node) if node is not None else above
+    passed = set() if passed is None else passed
+    if node is None or id(node) in passed:
+        return
+    above = (*above, node)
     if isinstance(node, yaml.SequenceNode):
         for i, child in enumerate(node.value):
-            refuse_odd_names(child, f"{where}[{i}]", above)
+            refuse_odd_names(child, f"{where}[{i}]", above, passed)
     elif isinstance(node, yaml.MappingNode):
         seen = set()
         for key, child in node.value:
@@ -141,7 +146,8 @@ def refuse_odd_names(node: yaml.Node | None, where: str, above: tuple[yaml.Node,
             if key.value in seen:
                 raise FurnitureError(f"{at}: stands twice, again in line {line}")
             seen.add(key.value)
-            refuse_odd_names(child, at, above)
+            refuse_odd_names(child, at, above, passed)
+    passed.add(id(node))
 
 
 def _unit_quat(quat: tuple[float, ...], where: str) -> tuple[float, ...]:

@@ -6,8 +6,10 @@ import functools
 import hashlib
 import json
 import math
+import os
 import re
 from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -25,12 +27,30 @@ from tstar_envs.furniture.schema import (
 from tstar_envs.furniture.shapes import Box, Capsule, Cylinder
 
 DATA = Path(__file__).parent / "data"
+FURTHER = "TSTAR_FURNITURE"
+"""Environment variable: folders with further pieces, separated as in PATH. Other processes are told with it."""
 _NAME = re.compile(r"[a-z0-9]+(_[a-z0-9]+)*")
 
 
 def names() -> tuple[str, ...]:
-    """Returns the names that `load` knows: of files whose name is words of small letters and digits, joined by `_`."""
-    return tuple(sorted(path.stem for path in DATA.glob("*.yaml") if is_name(path.stem)))
+    """Returns the names that `load` knows: of files whose name is words of small letters and digits, joined by `_`.
+
+    Raises:
+        FurnitureError: `FURTHER` names what is no folder.
+    """
+    found = {path.stem for folder in _folders() for path in folder.glob("*.yaml")}
+    return tuple(sorted(filter(is_name, found)))
+
+
+def _folders() -> list[Path]:
+    """The package's own, and those that the user has named."""
+    further = [Path(one) for one in os.environ.get(FURTHER, "").split(os.pathsep) if one]
+    for folder in further:
+        if not folder.is_dir():
+            raise FurnitureError(
+                f"{FURTHER} names {folder}, which is no folder; it names folders of furniture files"
+            )
+    return [DATA, *further]
 
 
 def is_name(name: str) -> bool:
@@ -48,27 +68,34 @@ def load(name: str) -> Furniture:
         raise FurnitureError(
             f"furniture is called by a name, got {name!r}: valid: {', '.join(map(repr, names()))}"
         )
-    return _load(name)
+    return _load(name)[0]
 
 
 def digest(name: str) -> str:
     """What the file of a piece says, as 64 hexadecimal digits of SHA-256: another file, another digest.
 
-    Comments are left aside, and so is the order of keys, even of the parts, which is their order in an observation.
+    Comments are left aside, and so is the order of keys, even of the parts, which is their order in an observation. It
+    is of the file as `load` read it, so of the piece that is simulated, whatever the file says by now.
 
     Raises:
         FurnitureError: as `load`.
     """
     load(name)
-    said = yaml.safe_load((DATA / f"{name}.yaml").read_bytes())
-    return hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()
+    return _load(name)[1]
 
 
 @functools.cache
-def _load(name: str) -> Furniture:
+def _load(name: str) -> tuple[Furniture, str]:
+    """The piece and its digest, of one reading of the file."""
     if name not in names():
         raise FurnitureError(f"no furniture is called {name!r}: {did_you_mean(name, names())}")
-    return read(DATA / f"{name}.yaml")
+    first, *others = (file for folder in _folders() if (file := folder / f"{name}.yaml").is_file())
+    if others:
+        raise FurnitureError(
+            f"two pieces are called {name!r}: {first} and {others[0]}; rename one of the files"
+        )
+    furniture, said = _read(first)
+    return furniture, hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()
 
 
 def read(path: Path) -> Furniture:
@@ -78,10 +105,16 @@ def read(path: Path) -> Furniture:
         FurnitureError: it is no YAML in UTF-8, or says something that cannot be.
         OSError: it cannot be read.
     """
+    return _read(path)[0]
+
+
+def _read(path: Path) -> tuple[Furniture, Any]:
+    """The piece, and what its file says."""
     try:
         text = path.read_bytes().decode()
         refuse_odd_names(yaml.compose(text, yaml.SafeLoader), "")
-        return _furniture(Fields(yaml.safe_load(text), ""), path.stem)
+        said = yaml.safe_load(text)
+        return _furniture(Fields(said, ""), path.stem), said
     except UnicodeDecodeError as error:
         raise FurnitureError(f"{path.name}: is not text in UTF-8: {error}") from None
     except RecursionError:

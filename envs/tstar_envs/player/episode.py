@@ -11,6 +11,9 @@ import numpy as np
 
 from tstar_envs.player.geometry import moving_bodies, packed
 
+ROWS = ("subtask", "phase", "reward")
+"""What the page shows of every episode; `timeline.js` has the same names."""
+
 
 @dataclass
 class Episode:
@@ -26,7 +29,8 @@ class Episode:
         series: further numbers by name, (T,) each, one a step; NaN where there is none. Shown as points.
 
     Raises:
-        ValueError: the lengths do not belong together, or a position or reward is not finite.
+        ValueError: the lengths do not belong together, a position or reward is not finite, a subtask or phase is no
+            whole number from 0, or a series is called as a row that every episode has.
     """
 
     title: str
@@ -46,6 +50,14 @@ class Episode:
         steps = len(self.positions) - 1
         for name, length in (("subtask", steps + 1), ("phase", steps + 1), ("reward", steps)):
             setattr(self, name, self._checked(name, getattr(self, name), length))
+        for name in ("subtask", "phase"):
+            values = np.asarray(getattr(self, name), dtype=np.float64)
+            if not (np.isfinite(values) & (values >= 0) & (values == np.floor(values))).all():
+                raise ValueError(f"episode {self.title!r}: {name} must be whole numbers from 0")
+        if taken := sorted(set(self.series) & set(ROWS)):
+            raise ValueError(
+                f"episode {self.title!r}: a series may not be called {', '.join(taken)}, a row that is there"
+            )
         self.series = {name: self._checked(name, values, steps) for name, values in self.series.items()}
         for name in ("positions", "reward"):
             if not np.isfinite(getattr(self, name)).all():

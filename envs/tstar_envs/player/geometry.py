@@ -78,7 +78,7 @@ def _geom(model: mujoco.MjModel, data: mujoco.MjData, geom: int, moving: list[in
 
 
 def _colour(model: mujoco.MjModel, geom: int) -> np.ndarray:
-    """A geom's colour: its own, unless that is MuJoCo's default and it has a material without a texture."""
+    """A geom's colour: its own, unless that is MuJoCo's default and it has a material."""
     material = int(model.geom_matid[geom])
     own = model.geom_rgba[geom]
     plain = material >= 0 and np.allclose(own, (0.5, 0.5, 0.5, 1))

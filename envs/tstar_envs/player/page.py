@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
@@ -41,15 +42,23 @@ def write_player(
         The path.
 
     Raises:
-        ValueError: no episode, an episode of another model, or a geom that cannot be drawn.
+        ValueError: no episode, an episode of another model, fewer names of subtasks than the episodes have, a step of
+            no time, or a geom that cannot be drawn.
     """
     if not episodes:
         raise ValueError("a player needs at least one episode, got none")
+    least = max(episode.least_subtasks() for episode in episodes)
+    if 0 < len(subtasks) < least:
+        raise ValueError(
+            f"the episodes have {least} subtasks, got {len(subtasks)} names: {', '.join(subtasks)}"
+        )
+    if not (math.isfinite(step_seconds) and step_seconds > 0):
+        raise ValueError(f"step_seconds must be positive, got {step_seconds}")
     content = {
         "title": title,
         "stepSeconds": step_seconds,
         "subtasks": list(subtasks),
-        "subtaskCount": len(subtasks) or max(episode.least_subtasks() for episode in episodes),
+        "subtaskCount": len(subtasks) or least,
         "phases": list(phases),
         "scene": scene(model),
         "episodes": [episode.to_plain(model) for episode in episodes],

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from functools import cache
 
 import mujoco
 import pytest
@@ -10,7 +11,7 @@ from chair_file import put
 
 from tstar_envs import furniture, geometry
 from tstar_envs.connection import align
-from tstar_envs.furniture import library
+from tstar_envs.furniture import FurnitureError, library
 from tstar_envs.furniture.library import DATA
 from tstar_envs.scene import build_model
 
@@ -31,12 +32,40 @@ def test_the_digest_of_a_piece_is_of_what_its_file_says_and_not_of_comments(tmp_
     text = (DATA / "table_lack.yaml").read_text()
     before = library.digest("table_lack")
     monkeypatch.setattr(library, "DATA", tmp_path)
+    monkeypatch.setattr(library, "_load", cache(library._load.__wrapped__))
     file = tmp_path / "table_lack.yaml"
     file.write_text(f"# a comment\n{text}")
     assert library.digest("table_lack") == before
     assert "density: 300" in text
+    library._load.cache_clear()
     file.write_text(text.replace("density: 300", "density: 301"))
-    assert library.digest("table_lack") != before
+    changed = library.digest("table_lack")
+    assert changed != before
+    file.write_text("half a fi")  # what is simulated is what was read, whatever the file says by now
+    assert (
+        library.digest("table_lack") == changed
+        and library.load("table_lack").part("table_top").density == 301
+    )
+
+
+def test_pieces_may_lie_in_folders_of_a_users_own(tmp_path, monkeypatch):
+    monkeypatch.setattr(library, "_load", cache(library._load.__wrapped__))
+    text = (DATA / "table_lack.yaml").read_text()
+    (tmp_path / "my_table.yaml").write_text(text)
+    with pytest.raises(FurnitureError, match="no furniture is called 'my_table'"):
+        library.load("my_table")
+    monkeypatch.setenv(library.FURTHER, str(tmp_path))
+    assert "my_table" in library.names() and "table_lack" in library.names()
+    assert library.load("my_table").part_names == library.load("table_lack").part_names
+    assert library.digest("my_table") == library.digest("table_lack")
+    (tmp_path / "chair_agne.yaml").write_text(text)
+    with pytest.raises(
+        FurnitureError, match="two pieces are called 'chair_agne': .*; rename one of the files"
+    ):
+        library.load("chair_agne")
+    monkeypatch.setenv(library.FURTHER, str(tmp_path / "nowhere"))
+    with pytest.raises(FurnitureError, match="TSTAR_FURNITURE names .*nowhere, which is no folder"):
+        library.names()
 
 
 def test_table_lack_connectors_and_grasps():

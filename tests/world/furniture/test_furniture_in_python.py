@@ -42,6 +42,12 @@ def test_a_connector_is_joined_once():
         (lambda c: changed_part(c, name=""), "parts: got '', expected a name"),
         (lambda c: replace(c, z_finedist=-1), "z_finedist: got -1, expected a positive number"),
         (lambda c: replace(c, name=3), "name: got 3, expected a name"),
+        (lambda c: changed_connector(c, kind=None), r"seat\.connectors\..*\.kind: got None, expected a name"),
+        (lambda c: changed_connector(c, mates_with=3), r"\.mates_with: got 3, expected a name"),
+        (
+            lambda c: changed_connector(c, allowed_angles=[0.0]),
+            r"allowed_degrees: got \[0.0\], expected a tuple",
+        ),
         (lambda c: replace(c, name=""), "name: got '', expected a name"),
         (lambda c: replace(c, weld_impedance="a"), "weld_impedance: got 'a', expected a finite number"),
         (

@@ -142,6 +142,17 @@ def test_mistakes_are_told(tmp_path):
         episode(ARM, series={"value": np.zeros(2)})
     with pytest.raises(ValueError, match="reward must be finite"):
         episode(ARM, reward=np.array([0, np.nan, 0]))
+    for wrong in ([0, np.nan, 0, 0], [0, 1.7, 0, 0], [0, -1, 0, 0]):
+        for name in ("subtask", "phase"):
+            with pytest.raises(ValueError, match=f"'first': {name} must be whole numbers from 0"):
+                episode(ARM, **{name: np.array(wrong)})
+    with pytest.raises(ValueError, match="a series may not be called reward, a row that is there"):
+        episode(ARM, series={"reward": np.zeros(3)})
+    with pytest.raises(ValueError, match="the episodes have 3 subtasks, got 1 names: lift"):
+        write_player(tmp_path / "a.html", ARM, [episode(ARM, subtask=np.arange(4))], subtasks=["lift"])
+    for seconds in (0.0, np.nan):
+        with pytest.raises(ValueError, match="step_seconds must be positive, got"):
+            write_player(tmp_path / "a.html", ARM, [episode(ARM)], step_seconds=seconds)
     with pytest.raises(ValueError, match=r"shape \(44,\), got \(2,\)"):
         write_player(tmp_path / "a.html", build_model(load("table_lack")), [episode(ARM)])
     spec = mujoco.MjSpec.from_string("<mujoco/>")

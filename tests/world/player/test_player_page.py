@@ -166,16 +166,39 @@ def test_a_click_in_the_timeline_goes_there(page):
     assert state(page)["time"] == pytest.approx(page.evaluate("player.last") / 2, rel=0.02)
 
 
-def test_two_panes_count_subtasks_alike(page, tmp_path):
+@pytest.fixture
+def other_page(page):
+    """Opens another page in the same browser; afterwards the first is there again."""
+    back = page.evaluate("location.pathname")
+    yield page.open
+    page.open(Path(back))
+
+
+def test_an_episode_is_chosen_with_keys(page, other_page, tmp_path):
+    recorded = [episode(ARM, 2, title=f"take {number}") for number in range(4)]
+    other_page(write_player(tmp_path / "four.html", ARM, recorded))
+    page.evaluate("document.querySelector('select').focus()")
+    for number in (1, 2, 3):
+        page.press("ArrowDown")
+        page.wait_for(f"player.state().panes[0].title === 'take {number}'")
+    named = "Array.from(document.querySelectorAll('select, canvas')).every((e) => e.ariaLabel || e.labels?.length)"
+    assert page.evaluate(named)
+
+
+@pytest.mark.slow
+def test_a_recording_of_many_steps_is_drawn(page, other_page, tmp_path):
+    """A call takes some 125,000 arguments, and an episode may have more steps."""
+    other_page(write_player(tmp_path / "long.html", ARM, [episode(ARM, 130_000)]))
+    page.evaluate("player.seek(129000)")
+    page.wait_for("document.querySelector('.readout').textContent.includes('step 129000 of 130000')")
+
+
+def test_two_panes_count_subtasks_alike(page, other_page, tmp_path):
     """A success of one subtask beside a failure, without names: the last state of the success is past them all."""
     ends = ([0, 0, 1], True), ([0, 0, 0], False)
     recorded = [episode(ARM, 2, subtask=np.array(subtask), success=success) for subtask, success in ends]
     texts = "Array.from(document.querySelectorAll('.readout')).map((p) => p.textContent)"
-    back = page.evaluate("location.pathname")
-    page.open(write_player(tmp_path / "a.html", ARM, recorded))
-    try:
-        page.wait_for(f"{texts}.every((text) => text.includes('subtask 1 of 1'))")
-        page.evaluate("player.seek(player.last)")
-        page.wait_for(f"{texts}[0].includes('all subtasks done') && {texts}[1].includes('subtask 1 of 1')")
-    finally:
-        page.open(Path(back))
+    other_page(write_player(tmp_path / "a.html", ARM, recorded))
+    page.wait_for(f"{texts}.every((text) => text.includes('subtask 1 of 1'))")
+    page.evaluate("player.seek(player.last)")
+    page.wait_for(f"{texts}[0].includes('all subtasks done') && {texts}[1].includes('subtask 1 of 1')")

@@ -13,6 +13,24 @@ function made(tag, parent, properties = {}) {
   return element;
 }
 
+function picture(tag, parent, label) {
+  const element = made(tag, parent);
+  element.setAttribute("role", "img");
+  element.setAttribute("aria-label", label);
+  return element;
+}
+
+// Who chose with the pointer has the player's keys again; who chose with keys goes on choosing.
+function chooses(select, choose) {
+  let pointed = false;
+  select.addEventListener("pointerdown", () => { pointed = true; });
+  select.addEventListener("keydown", () => { pointed = false; });
+  select.addEventListener("change", () => {
+    choose(+select.value);
+    if (pointed) select.blur();
+  });
+}
+
 function describe(episode) {
   const state = episode.state(clock.time);
   const count = content.subtaskCount;
@@ -35,16 +53,18 @@ class Pane {
     this.outcome = made("span", header, { className: "outcome" });
     const frame = made("div", section, { className: "view" });
     try {
-      this.view = new View(made("canvas", frame), content.scene);
+      this.view = new View(picture("canvas", frame, "The scene"), content.scene);
       camera.follow(frame);
     } catch (error) {
       made("p", frame, { textContent: error.message });
     }
-    this.timeline = new Timeline(made("canvas", section, { className: "timeline" }), last, seek);
+    const rows = picture("canvas", section, "Subtask, phase, reward and further series over the steps");
+    this.timeline = new Timeline(Object.assign(rows, { className: "timeline" }), last, seek);
     this.readout = made("p", section, { className: "readout" });
     if (episodes.length > 2) {
       episodes.forEach((episode, i) => made("option", this.title, { value: i, textContent: episode.title }));
-      this.title.addEventListener("change", () => { this.show(+this.title.value); this.title.blur(); });
+      chooses(this.title, (chosen) => this.show(chosen));
+      this.title.setAttribute("aria-label", "Episode");
     }
     this.show(index);
   }
@@ -83,7 +103,8 @@ function redraw() {
 
 function advance(now) {
   if (clock.playing && clock.before !== null) {
-    clock.time += ((now - clock.before) / 1000) * (clock.speed / content.stepSeconds);
+    const passed = Math.min(now - clock.before, 100); // ms: no frames are asked for while the page is hidden
+    clock.time += (passed / 1000) * (clock.speed / content.stepSeconds);
     if (clock.time >= last) Object.assign(clock, { time: last, playing: false });
   }
   clock.before = clock.playing ? now : null;
@@ -142,7 +163,7 @@ find("scrub").max = last;
 SPEEDS.forEach((value) => made("option", find("speed"), { value, textContent: `${value} x` }));
 find("play").addEventListener("click", () => { play(!clock.playing); find("play").blur(); });
 find("scrub").addEventListener("input", () => seek(+find("scrub").value));
-find("speed").addEventListener("change", () => { speed(+find("speed").value); find("speed").blur(); });
+chooses(find("speed"), speed);
 window.addEventListener("resize", redraw);
 window.addEventListener("keydown", (event) => {
   const action = KEYS[event.key];

@@ -4,6 +4,17 @@ const SUBTASK_COLOURS = ["#4f8fc4", "#d98a2b", "#4ea36f", "#b5679b", "#8f7fd0", 
 const LABELS = 62; // px, left of the rows
 const ROW = { subtask: 18, phase: 34, reward: 44, series: 34, gap: 5 };
 
+// Of numbers, 0 and 1. A long episode has more of them than a call may have arguments.
+function range(values) {
+  let [least, most] = [0, 1];
+  for (const value of values) {
+    if (value === null) continue;
+    least = Math.min(least, value);
+    most = Math.max(most, value);
+  }
+  return [least, most];
+}
+
 class Timeline {
   constructor(canvas, steps, seek) {
     this.canvas = canvas;
@@ -18,20 +29,36 @@ class Timeline {
   width() { return Math.max(1, this.canvas.clientWidth - LABELS - 8); }
   x(step) { return LABELS + (step / this.steps) * this.width(); }
 
+  // The rows are painted once, and again when something of them is another; the cursor in every frame.
   draw(episode, time, names) {
     const rows = ["subtask", "phase", "reward", ...Object.keys(episode.series)];
     const heights = rows.map((name) => ROW[name] ?? ROW.series);
     const height = heights.reduce((sum, h) => sum + h + ROW.gap, ROW.gap);
     const scale = window.devicePixelRatio || 1;
-    this.canvas.style.height = `${height}px`;
-    this.canvas.width = Math.round(this.canvas.clientWidth * scale);
-    this.canvas.height = Math.round(height * scale);
-    const pen = (this.pen = this.canvas.getContext("2d"));
-    pen.scale(scale, scale);
-    pen.font = "11px system-ui, sans-serif";
-    pen.textBaseline = "middle";
     const style = getComputedStyle(document.documentElement);
     this.colour = (name) => style.getPropertyValue(`--${name}`);
+    this.canvas.style.height = `${height}px`;
+    const size = [Math.round(this.canvas.clientWidth * scale), Math.round(height * scale)];
+    const shown = [episode, scale, this.colour("ink"), ...size];
+    if (!this.shown || shown.some((each, i) => each !== this.shown[i])) {
+      [this.shown, this.still] = [shown, document.createElement("canvas")];
+      [this.still.width, this.still.height] = size;
+      this.pen = this.still.getContext("2d");
+      this.pen.scale(scale, scale);
+      this.rows(episode, rows, heights, height, names);
+    }
+    [this.canvas.width, this.canvas.height] = size;
+    const pen = this.canvas.getContext("2d");
+    if (size[0] && size[1]) pen.drawImage(this.still, 0, 0);
+    pen.scale(scale, scale);
+    pen.fillStyle = this.colour("ink");
+    pen.fillRect(this.x(time) - 0.75, 0, 1.5, height);
+  }
+
+  rows(episode, rows, heights, height, names) {
+    const pen = this.pen;
+    pen.font = "11px system-ui, sans-serif";
+    pen.textBaseline = "middle";
     let top = ROW.gap;
     rows.forEach((name, i) => {
       pen.fillStyle = this.colour("faint");
@@ -44,8 +71,6 @@ class Timeline {
     });
     pen.fillStyle = this.colour(episode.success ? "good" : "bad");
     pen.fillRect(this.x(episode.steps) - 1, ROW.gap, 3, height - 2 * ROW.gap);
-    pen.fillStyle = this.colour("ink");
-    pen.fillRect(this.x(time) - 0.75, 0, 1.5, height);
   }
 
   // One bar for each stretch of steps that were taken in the same subtask.
@@ -62,7 +87,7 @@ class Timeline {
   }
 
   phases(episode, top, height, names) {
-    const count = Math.max(names.length, ...episode.phase.map((phase) => phase + 1));
+    const count = Math.max(names.length, range(episode.phase)[1] + 1);
     for (let step = 0; step < episode.steps; step++) {
       const high = (height * (episode.phase[step] + 1)) / count;
       this.pen.fillStyle = SUBTASK_COLOURS[episode.subtask[step] % SUBTASK_COLOURS.length];
@@ -74,8 +99,7 @@ class Timeline {
   // Bonuses are a thousand times the rest, so heights are logarithmic away from zero.
   rewards(episode, top, height) {
     const tall = (value) => Math.sign(value) * Math.log10(1 + Math.abs(value));
-    const most = Math.max(1, ...episode.reward.map((value) => tall(value)));
-    const least = Math.min(0, ...episode.reward.map((value) => tall(value)));
+    const [least, most] = range(episode.reward).map(tall);
     const y = (value) => top + (height * (most - value)) / (most - least);
     this.pen.fillStyle = this.colour("reward");
     episode.reward.forEach((value, step) => {
@@ -86,8 +110,7 @@ class Timeline {
   }
 
   points(values, top, height) {
-    const known = values.filter((value) => value !== null);
-    const [least, most] = [Math.min(0, ...known), Math.max(1, ...known)];
+    const [least, most] = range(values);
     const y = (value) => top + 4 + ((height - 8) * (most - value)) / (most - least);
     this.line(y(0));
     this.line(y(1));
