@@ -16,15 +16,18 @@ if TYPE_CHECKING:
     from tstar_rl.chaining.signals import StateValue, value_scale
     from tstar_rl.chaining.skill import NetworkSettings, Skill
     from tstar_rl.chaining.trials import run_trial
+    from tstar_rl.checks import InvalidValueError
     from tstar_rl.config.build import environment, load_demonstrations, new_skill, skill_training
     from tstar_rl.config.chain import chain_turns, load_skills, trial_env
+    from tstar_rl.config.compose import compose
     from tstar_rl.config.load import recipe
     from tstar_rl.config.schema import Section
     from tstar_rl.config.values import plain, settings
     from tstar_rl.demonstrations.data_set import Demonstrations
     from tstar_rl.env.furniture_env import FurnitureEnv
-    from tstar_rl.rollouts.collection import Collection
+    from tstar_rl.rollouts.collection import Collection, with_starts
     from tstar_rl.rollouts.labels import Label
+    from tstar_rl.rollouts.starts import MixedStarts
     from tstar_rl.rollouts.state_sets import InitiationSet, TerminationSet
     from tstar_rl.runs.chain_rows import calibration_rows
     from tstar_rl.runs.run import Run
@@ -43,6 +46,7 @@ if TYPE_CHECKING:
     from tstar_rl.updates.cloning import BehaviourCloningSettings, behaviour_cloning
     from tstar_rl.updates.discriminator import DiscriminatorSettings
     from tstar_rl.updates.labelled import LabelledSettings
+    from tstar_rl.updates.ppo import PolicyUpdate, PPOSettings
 
 __version__ = "0.1.0"
 HOMES = {
@@ -58,9 +62,13 @@ HOMES = {
     "GAILReward": "transforms",
     "HandOverValueReward": "transforms",
     "InitiationSet": "rollouts.state_sets",
+    "InvalidValueError": "checks",
     "Label": "rollouts.labels",
     "LabelledSettings": "updates",
+    "MixedStarts": "rollouts.starts",
     "NetworkSettings": "chaining.skill",
+    "PPOSettings": "updates",
+    "PolicyUpdate": "updates",
     "ProximityReward": "transforms",
     "RecoverySettings": "chaining.recovery",
     "RewardMixture": "transforms",
@@ -76,6 +84,7 @@ HOMES = {
     "behaviour_cloning": "updates",
     "calibration_rows": "runs.chain_rows",
     "chain_turns": "config.chain",
+    "compose": "config.compose",
     "derive_seed": "seeds",
     "environment": "config.build",
     "judge_outcomes": "chaining.recovery",
@@ -95,6 +104,7 @@ HOMES = {
     "trial_env": "config.chain",
     "value_scale": "chaining.signals",
     "weighted": "transforms",
+    "with_starts": "rollouts.collection",
     "load_pretrained": "shipped.catalogue",
     "pretrained": "shipped.catalogue",
 }
@@ -112,9 +122,13 @@ __all__ = [
     "GAILReward",
     "HandOverValueReward",
     "InitiationSet",
+    "InvalidValueError",
     "Label",
     "LabelledSettings",
+    "MixedStarts",
     "NetworkSettings",
+    "PPOSettings",
+    "PolicyUpdate",
     "ProximityReward",
     "RecoverySettings",
     "RewardMixture",
@@ -131,6 +145,7 @@ __all__ = [
     "behaviour_cloning",
     "calibration_rows",
     "chain_turns",
+    "compose",
     "derive_seed",
     "environment",
     "judge_outcomes",
@@ -150,8 +165,13 @@ __all__ = [
     "trial_env",
     "value_scale",
     "weighted",
+    "with_starts",
     "load_pretrained",
     "pretrained",
 ]
 
 __getattr__ = deferred(__name__, HOMES)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *HOMES})

@@ -88,8 +88,8 @@ class SnapshotCheck:
         """Checks the numbers in the rows of `mask` (N,); the snapshot's layout is right and it is on the device.
 
         Raises:
-            ValueError: a subtask or phase is none of this furniture's, a count is negative, a number is not finite, or a
-            part's quaternion not of length 1.
+            ValueError: a subtask or phase is none of this furniture's, a count is negative, a number is not finite, or
+            a part's quaternion is not of length 1.
         """
         steps = self.tables.num_steps
         for name, most in (("subtask", steps), ("phase", len(PHASES) - 1)):

@@ -7,6 +7,7 @@ from torchrl.envs import TransformedEnv
 from torchrl.envs.utils import check_env_specs
 
 from tstar_rl.checks import InvalidValueError
+from tstar_rl.transforms import TerminalStateReward
 from tstar_rl.transforms.reward_transform import RewardTransform
 
 
@@ -37,6 +38,28 @@ def test_a_reward_of_another_shape_or_without_a_number_is_refused(said, message)
     with pytest.raises(InvalidValueError, match=message):
         Given(said)(steps)
     assert Given(torch.ones(2, 3, 1))(steps)["next", "reward_mine"].sum() == 6
+
+
+def test_a_reward_that_does_not_say_what_it_is_is_told_so():
+    steps = TensorDict({"next": TensorDict({}, [2])}, [2])
+    with pytest.raises(
+        NotImplementedError, match=r"RewardTransform must define reward\(current, following\)"
+    ):
+        RewardTransform("reward_mine")(steps)
+
+
+@pytest.mark.parametrize("successes", [1, 3])
+def test_what_is_said_of_states_has_one_number_for_each(successes):
+    class Mine(TerminalStateReward):
+        def said(self, obs):
+            return obs[..., 0]
+
+    success = (torch.arange(3) < successes).unsqueeze(-1)
+    reached = TensorDict({"observation": torch.ones(3, 4), "success": success}, [3])
+    with pytest.raises(
+        InvalidValueError, match=rf"Mine.said .*\({successes}, 1\) of .*; got \({successes},\)"
+    ):
+        Mine(torch.nn.Identity())(TensorDict({"observation": torch.ones(3, 4), "next": reached}, [3]))
 
 
 @pytest.mark.parametrize("said", [torch.ones(2, 1, dtype=torch.float64), torch.ones(2, 1, dtype=torch.bool)])

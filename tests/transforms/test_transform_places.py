@@ -7,6 +7,7 @@ from torchrl.envs import Compose, ParallelEnv, RenameTransform, SerialEnv, StepC
 from transform_parts import FixedStarts
 
 from tstar_rl.checks import InvalidValueError
+from tstar_rl.rollouts.starts import MixedStarts
 from tstar_rl.transforms import EpisodeStart, SkillChainReset
 
 
@@ -25,6 +26,15 @@ def test_around_environments_with_transforms_of_their_own_it_is_refused(make_env
             around.reset()
     bare = TransformedEnv(SerialEnv(2, lambda: make_env(num_envs=2)), SkillChainReset(FixedStarts(), 1.0))
     assert_close(bare.reset()["observation"][..., 0], torch.full((2, 2), 0.9))
+
+
+def test_two_of_them_are_refused_since_one_would_choose_and_the_other_tell(make_env):
+    env = TransformedEnv(make_env(), SkillChainReset(FixedStarts(), probability=1.0))
+    env.append_transform(SkillChainReset(FixedStarts(), probability=0.0))
+    with pytest.raises(InvalidValueError, match=r"two SkillChainReset.*MixedStarts"):
+        env.reset()
+    mixed = MixedStarts([FixedStarts(), FixedStarts()], [1.0, 3.0])
+    assert TransformedEnv(make_env(), SkillChainReset(mixed, 1.0)).reset()["start_chained"].all()
 
 
 def test_a_step_without_a_reset_is_told_what_to_do(make_env):

@@ -1,5 +1,6 @@
 """One link of the chain: the networks and the state sets of one subtask."""
 
+import math
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -68,6 +69,8 @@ class Skill:
         features: geometry of the subtask (`env.task_tables.subtask_geometry`), if the settings ask for features.
         capacity: of each set.
         obs_dim: numbers in an observation of the task; the default is that of furniture of five parts.
+        actions: how many numbers of an action move the arm, and how many come after these: the first have the
+            deviation action_std, the others hand_std. The default is that of the furniture.
 
     Raises:
         ValueError: if the settings ask for features and there is no geometry.
@@ -81,10 +84,12 @@ class Skill:
         features: dict[str, Any] | None = None,
         capacity: int = 4096,
         obs_dim: int = observation_size(5),
+        actions: tuple[int, int] = (7, 2),
     ) -> None:
         if settings.features and features is None:
             raise ValueError("the settings ask for features, but no geometry was given for them")
         self.task, self.subtask, self.settings, self.obs_dim = task, subtask, settings, obs_dim
+        self.actions = actions
         self.geometry = features if settings.features else None
         self.normalizer = Normalizer(obs_dim)
         shared: dict[str, Any] = {
@@ -94,8 +99,8 @@ class Skill:
             "normalizer": self.normalizer,
             "features": RelativeFeatures(self.geometry) if self.geometry is not None else None,
         }
-        std = torch.tensor([settings.action_std] * 7 + [settings.hand_std] * 2)
-        self.policy = make_policy(std=settings.std, action_std=std, **shared)
+        std = torch.tensor([settings.action_std] * actions[0] + [settings.hand_std] * actions[1])
+        self.policy = make_policy(std=settings.std, action_std=std, action_dim=sum(actions), **shared)
         self.value = make_value(**shared)
         self.networks = {name: self._make_network() for name in ("f_phi", "d_omega")}
         self.return_scale = ReturnScale()
@@ -125,17 +130,25 @@ class Skill:
 
         Args:
             name: of the network.
-            floor: of a `Standardizer` of the new network's own; None: it reads what the skill's normaliser gives.
+            floor: of a `Standardizer` of the network's own; None: a new one reads what the skill's normaliser gives.
 
         Raises:
-            ValueError: if the name is that of another module of the skill.
+            InvalidValueError: if the name is that of something else in a skill, or a floor is asked of a network that
+                was made without one, or with another.
         """
-        if name in ("policy", "value", "return_scale"):
-            raise ValueError(f"{name} is a module of every skill: give the further network another name")
+        if name in ("policy", "value", "return_scale", "sets"):
+            raise InvalidValueError(f"every skill has its own {name}: give the further network another name")
         if name not in self.networks:
             with torch.random.fork_rng(devices=[]):
                 self.networks[name] = self._make_network(floor).to(self.initiation_set.device)
-        return self.networks[name]
+        found = self.networks[name]
+        has = float(found.normalizer.floor) if isinstance(found.normalizer, Standardizer) else None
+        if floor is not None and (has is None or not math.isclose(has, floor, rel_tol=1e-5)):
+            raise InvalidValueError(
+                f"the network {name} of skill {self.subtask} was made with a floor of {has}, and {floor} is asked for: "
+                "make the update that gives the floor before anything else asks for the network"
+            )
+        return found
 
     def _make_network(self, floor: float | None = None) -> Discriminator:
         hidden = self.settings.discriminator_hidden
@@ -192,6 +205,7 @@ class Skill:
         built = {
             "settings": asdict(self.settings),
             "obs_dim": self.obs_dim,
+            "actions": list(self.actions),
             "geometry": checkpoint.to_plain(self.geometry),
             "capacity": self.initiation_set.capacity,
         }
@@ -221,6 +235,7 @@ class Skill:
             checkpoint.to_tensors(built["geometry"]),
             built["capacity"],
             built["obs_dim"],
+            tuple(built.get("actions", (7, 2))),  # older skills do not say: they are of the furniture
         )
         checkpoint.load(path, {"skill": skill}, **expected)
         return skill

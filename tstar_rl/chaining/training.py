@@ -11,13 +11,14 @@ normaliser, the log, the best so far, checkpoints, going on after a kill.
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import torch
 from tensordict import TensorDictBase
 from torch import Tensor
 
 from tstar_rl.chaining.skill import Skill
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.demonstrations.data_set import Demonstrations
 from tstar_rl.models.exploration import Exploration
 from tstar_rl.rollouts.collection import Collection, rollout_metrics
@@ -34,11 +35,25 @@ from tstar_rl.updates import (
     behaviour_cloning,
 )
 
-__all__ = ["AnyUpdate", "Distance", "SkillTraining", "Training", "TrainingSettings"]
+__all__ = ["AnyUpdate", "Distance", "SkillTraining", "Training", "TrainingSettings", "Update"]
 
 Distance = Callable[[Tensor, Tensor], Tensor]
 """From what a network says of states and their labels, of one shape, to a scalar."""
-AnyUpdate = TypeVar("AnyUpdate", DiscriminatorUpdate, LabelledUpdate, PolicyUpdate)
+
+
+class Update(Protocol):
+    """What learns from rollouts, and can go on after a kill."""
+
+    def state_dict(self) -> dict[str, Any]:
+        """Everything that it has learned and needs to go on: optimisers, and networks that are no skill's."""
+        ...
+
+    def load_state_dict(self, state_dict: dict[str, Any]) -> Any:
+        """What `state_dict` gave."""
+        ...
+
+
+AnyUpdate = TypeVar("AnyUpdate", bound=Update)
 
 
 @dataclass(frozen=True)
@@ -103,6 +118,27 @@ class Training:
         update = PolicyUpdate(skill.policy, skill.value, self.settings.ppo, skill.return_scale, self.seed)
         return self._keep("update_policy", update)
 
+    def keep(self, name: str, make: Callable[[], AnyUpdate]) -> AnyUpdate:
+        """An update of a recipe's own: saved with the run, put back by the gate with the turn, and gone on with.
+
+        To be called before the first rollout, as the other updates are.
+
+        Args:
+            name: of it; another than that of another update here ("policy", or a network's).
+            make: makes a new one. Networks of a skill that it trains are saved with that skill; what else it has is in
+                its state.
+
+        Raises:
+            InvalidValueError: if it has no state, see `Update`.
+        """
+        made = make()
+        if not all(callable(getattr(made, method, None)) for method in ("state_dict", "load_state_dict")):
+            raise InvalidValueError(
+                f"keep({name!r}) takes what makes an update with state_dict and load_state_dict, so that a run goes on "
+                f"where it stopped; {type(made).__name__} lacks one"
+            )
+        return self._keep(f"update_{name}", made)
+
     def _keep(self, name: str, made: AnyUpdate) -> AnyUpdate:
         """Keeps an update, so that a checkpoint has its state; returns it."""
         raise NotImplementedError
@@ -118,7 +154,7 @@ class Training:
     def _collect(self, progress: float) -> TensorDictBase:
         """The next rollout, with the exploration of `progress`."""
         if self.settings.exploration is not None and self.skill.settings.std == "fixed":
-            self.settings.exploration.apply(self.skill.policy, progress)
+            self.settings.exploration.apply(self.skill.policy, progress, self.skill.actions)
         rollout = self.collection.rollout()
         self.steps += rollout.numel()
         return rollout

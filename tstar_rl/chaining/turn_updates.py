@@ -114,6 +114,11 @@ class TurnUpdates(Training):
             )
         return self.kept.get("update_policy") or super().policy_update()
 
+    def keep(self, name: str, make: Callable[[], AnyUpdate]) -> AnyUpdate:
+        """See `Training`; where a chain carries over, that of the skill's last turn goes on."""
+        known = self.kept.get(f"update_{name}")
+        return super().keep(name, make) if known is None else known
+
     def _known(self, name: str, skill: Skill) -> Any:
         """The update of a name that is there already, or None.
 

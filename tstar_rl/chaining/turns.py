@@ -100,11 +100,17 @@ class Turn(TurnStarts):
     def _state(self) -> dict[str, Any]:
         """A copy of everything that a turn changes, but for the simulations and the returns of the episodes in them."""
         state: dict[str, Any] = {"skill": self.skill.state_dict()}
-        if self.following is not None:
-            state["following"] = self.following.network_state()
+        others = {index: self.chain.skills[index].network_state() for index in self._others()}
+        state["others"] = others
         updates = {name: each.state_dict() for name, each in self.kept.items() if name != "collection"}
         updates.get("update_policy", {}).pop("carried", None)
         return deepcopy(state | updates)
+
+    def _others(self) -> set[int]:
+        """The other skills that have networks which this turn trains: the next one, and whose an update was made of."""
+        taught = {int(place.partition("/")[0]) for place in self.taught}
+        following = set() if self.following is None else {self.index + 1}
+        return (taught | following) - {self.index}
 
     def _undo(self) -> None:
         """Puts back what the turn has changed; what it is now can be loaded again."""
@@ -115,8 +121,8 @@ class Turn(TurnStarts):
         """What `_state` gave. An update that has been made since stays as it is."""
         state = deepcopy(state)
         self.skill.load_state_dict(state.pop("skill"))
-        if self.following is not None:
-            self.following.load_network_state(state.pop("following"))
+        for index, networks in state.pop("others").items():
+            self.chain.skills[index].load_network_state(networks)
         for name, each in state.items():
             self.kept[name].load_state_dict(each)
 

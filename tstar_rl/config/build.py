@@ -68,7 +68,16 @@ def environment(
         shares: of the sources of starts, by name.
         starts: without `before`: training.demonstration_starts of the episodes begin in states drawn from these.
         **overrides: settings of the task.
+
+    Raises:
+        InvalidValueError: if `starts` would never be drawn from.
     """
+    if starts is not None and (before is not None or not config.training.demonstration_starts):
+        share = config.training.demonstration_starts
+        raise InvalidValueError(
+            f"starts are drawn in training.demonstration_starts of the episodes where no skill is before; got {share}"
+            + (" and a termination set as well" if before is not None else "")
+        )
     from tstar_rl.env.furniture_env import FurnitureEnv
 
     values = {**plain(config.env), **overrides}
@@ -179,19 +188,27 @@ def training_settings(config: DictConfig, **ppo: Any) -> TrainingSettings:
     )
 
 
-def skill_training(config: DictConfig) -> SkillTraining:
-    """The training of the skill of config.subtask, or of one policy of the whole task."""
+def skill_training(
+    config: DictConfig, expert: Demonstrations | None = None, starts: Starts | None = None
+) -> SkillTraining:
+    """The training of the skill of config.subtask, or of one policy of the whole task.
+
+    Args:
+        config: of a recipe that trains one policy.
+        expert: demonstrations; None: those that config.demonstrations names.
+        starts: what training.demonstration_starts of the episodes begin in; None: states of the demonstrations.
+    """
     subtask, steps = config.subtask, config.training.total_steps
     run = Run(plain(config), subtask, steps, unread=CHAINING)
     seed = derive_seed(config.seed, "train", subtask)
     skill = new_skill(config, subtask)
-    expert = load_demonstrations(config, subtask)
+    expert = load_demonstrations(config, subtask) if expert is None else expert
     skill.normalizer.fit(expert.observations, config.normalizer.floor)
 
     def save(name: str, env_steps: int) -> None:
         skill.save(run.work / name, **run.origin, env_steps=env_steps)
 
-    starts = _demonstration_starts(config, expert)
+    starts = _demonstration_starts(config, expert) if starts is None else starts
     collection = make_collection(config, skill.policy, subtask, seed, starts=starts)
     return SkillTraining(
         skill, expert, run, training_settings(config), collection, seed,

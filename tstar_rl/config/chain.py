@@ -1,7 +1,7 @@
 """From a checked config to the turns of a chain."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, fields
 from functools import partial
 
@@ -15,6 +15,7 @@ from tstar_rl.chaining.gate import Gate, GateSettings
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.chaining.trials import run_trial
 from tstar_rl.chaining.turns import Turn
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.build import environment, load_demonstrations, make_collection, training_settings
 from tstar_rl.config.check import ConfigError
 from tstar_rl.config.ranges import chain_length
@@ -33,14 +34,29 @@ from tstar_rl.seeds import derive_seed
 __all__ = ["chain_turns", "check_links", "load_skills", "skills_as_they_are", "trial_env", "turn_shape"]
 
 
-def chain_turns(config: DictConfig) -> Iterator[Turn]:
+def chain_turns(config: DictConfig, experts: Sequence[Demonstrations] | None = None) -> Iterator[Turn]:
     """The turns of config.chain, from the skills of the system config.skills; see `chaining.turns`.
+
+    Args:
+        config: of a recipe that trains a chain, which declares `from_checkpoint=str`.
+        experts: demonstrations of each subtask; None: those that config.demonstrations names.
 
     Raises:
         CheckpointMismatchError: see `load_skills`.
+        InvalidValueError: if the recipe does not declare from_checkpoint, or experts are not as many as the skills.
     """
+    if "from_checkpoint" not in config:
+        raise InvalidValueError(
+            "a recipe of a chain says which checkpoint of the skills it begins with: @rl.recipe(..., from_checkpoint="
+            "str), and from_checkpoint: last in its file"
+        )
     skills = load_skills(config, checkpoint=config.from_checkpoint)
-    experts = [load_demonstrations(config, index) for index in range(len(skills))]
+    if experts is None:
+        experts = [load_demonstrations(config, index) for index in range(len(skills))]
+    if len(experts) != len(skills):
+        raise InvalidValueError(
+            f"a chain of {len(skills)} skills needs demonstrations of each, got {len(experts)}"
+        )
     values = config.chain
     rollouts, frames = turn_shape(config)
     run = Run(plain(config), None, values.rounds * len(skills) * rollouts * frames, trials=True)

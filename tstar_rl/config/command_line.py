@@ -10,24 +10,20 @@ HYDRA_FULL_ERROR=1 every error does.
 import errno
 import functools
 import os
-import re
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import hydra
-from hydra import compose, initialize_config_dir
 from hydra._internal.utils import get_args_parser
-from hydra.core.global_hydra import GlobalHydra
-from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.errors import CompactHydraException, HydraException, MissingConfigException, OverrideParseException
-from omegaconf import DictConfig, OmegaConf, open_dict
+from hydra.errors import HydraException
+from omegaconf import DictConfig
 from omegaconf.errors import OmegaConfBaseException
 from tqdm import tqdm
 
-from tstar_rl.checks import NothingToDo, UserError, did_you_mean
+from tstar_rl.checks import NothingToDo, UserError
+from tstar_rl.config.mistakes import Check, in_words, must_be, options
 
 __all__ = ["command_line", "of_the_disk", "told_in_words"]
 
@@ -45,7 +41,6 @@ NOT_WRITABLE = (
 )  # fmt: skip
 
 Body = Callable[[DictConfig], None]
-Check = Callable[[DictConfig], None]
 
 
 def command_line(body: Body, configs: Path, name: str, check: Check) -> Callable[..., None]:
@@ -66,7 +61,7 @@ def command_line(body: Body, configs: Path, name: str, check: Check) -> Callable
             with told_in_words():
                 body(config)
         except (HydraException, OmegaConfBaseException) as error:  # of the config of a step that it starts
-            raise SystemExit(f"{_in_words(error, configs, name, check)}\n{HINT}") from None
+            raise SystemExit(f"{in_words(error, configs, name, check)}\n{HINT}") from None
 
     def start(function: Body) -> None:
         hydra.main(version_base="1.3", config_path=str(configs), config_name=f"recipe/{name}")(function)()
@@ -99,7 +94,7 @@ def command_line(body: Body, configs: Path, name: str, check: Check) -> Callable
             print(f"\n{STOPPED}", file=sys.stderr)
             raise SystemExit(BY_SIGINT) from None
         except (HydraException, OmegaConfBaseException) as error:
-            raise SystemExit(f"{_in_words(error, configs, name, check)}\n{HINT}") from None
+            raise SystemExit(f"{in_words(error, configs, name, check)}\n{HINT}") from None
         finally:
             os.environ.pop(FULL_ERROR, None)
 
@@ -147,23 +142,6 @@ def of_the_disk(error: OSError) -> str:
     return str(error)
 
 
-def _in_words(error: Exception, configs: Path, name: str, check: Check) -> str:
-    """What the command line should have been."""
-    text = " ".join(str(error).split())
-    if isinstance(error, MissingConfigException) and error.missing_cfg_file:
-        return _missing_file(Path(error.missing_cfg_file), configs, name)
-    if isinstance(error, OverrideParseException):
-        return (
-            f"cannot read {error.override!r}: write key=value, lists as [1,2], null for nothing, and a value with "
-            """other characters in quotes: "key='a=b,c'\""""
-        )
-    unknown = re.match(r"Could not override '([^']+)'", text)
-    if unknown:
-        return _unknown_key(unknown[1], configs, name, check)
-    cause = error.__cause__ if isinstance(error, CompactHydraException) else None
-    return f"{text} ({' '.join(str(cause).split())})" if cause and str(cause) not in text else text
-
-
 def _check_dashes() -> None:
     """Ends the process where a value is given as other programs have it: --seed 0, --seed=0; also for Hydra's sweeps.
 
@@ -189,60 +167,5 @@ def _check_groups(configs: Path) -> None:
     for text in sys.argv[1:]:
         group, given, option = text.partition("=")
         if given and option.strip() in ("", "null") and group and (configs / group).is_dir():
-            said = _must_be(group, _options(configs, group))
+            said = must_be(group, options(configs, group))
             raise SystemExit(f"{said}, got {option.strip() or 'nothing'}\n{HINT}")
-
-
-def _options(configs: Path, group: str) -> list[str]:
-    return sorted(path.stem for path in (configs / group).glob("*.yaml"))
-
-
-def _must_be(group: str, options: list[str]) -> str:
-    return f"{group} must be one of {', '.join(options)} (files of configs/{group})"
-
-
-def _missing_file(missing: Path, configs: Path, name: str) -> str:
-    """For an option that a group has no file for, or a recipe (`name`) without one."""
-    group, option = missing.parent.as_posix(), missing.name.removesuffix(".yaml")
-    if missing == Path("recipe", name):
-        return f"the recipe {name} needs a file of its values, {configs / missing}.yaml, which is not there"
-    valid = _options(configs, group)
-    if not valid:
-        groups = sorted(path.name for path in configs.iterdir() if path.is_dir())
-        return f"there is no {missing} in {configs}; its folders are {', '.join(groups)}"
-    chosen = (configs / "recipe" / f"{name}.yaml").read_text()
-    given = any(text.startswith(f"{group}=") for text in sys.argv[1:])
-    if f"/{group}: ${{scale}}" in chosen and not given:
-        has = f"{group}={option} has no file in configs/{group}, where the recipe {name} looks for the scale's name"
-        return f"{has}; scales with one are {', '.join(valid)}; or choose one beside your scale: {group}={valid[0]}"
-    return f"{group}={option}: {_must_be(group, valid)}{did_you_mean(option, valid)}"
-
-
-def _unknown_key(key: str, configs: Path, name: str, check: Check) -> str:
-    """For a key that the recipe's config does not have: what `check` says of it, or how to add it."""
-    groups = [path.name for path in configs.iterdir() if path.is_dir()]
-    if key in groups:
-        return f"{key}=... chooses a file of configs/{key}, and the recipe {name} has no values of these"
-    if hint := did_you_mean(key, groups, cutoff=0.75):
-        return f"the config of {name} has no {key}{hint}"
-    try:
-        begun = GlobalHydra.instance().is_initialized()  # by a recipe that composes the config of a step
-        with nullcontext() if begun else initialize_config_dir(str(configs), version_base="1.3"):
-            config = compose(f"recipe/{name}")
-        section, _, last = key.rpartition(".")
-        there = OmegaConf.select(config, section) if section else config
-        near = did_you_mean(last, [*there]) if isinstance(there, DictConfig) else ""
-        with open_dict(config):
-            OmegaConf.update(config, key, _given(key), force_add=True)
-        check(config)
-    except UserError as error:
-        return f"{error} (of the recipe {name})"
-    except (OmegaConfBaseException, TypeError) as error:  # the key goes through something that is no section
-        return f"the config of {name} has no {key}: {' '.join(str(error).split())}"
-    return f"{key} is valid, but not set in the configs of {name}: write +{key}=...{near}"
-
-
-def _given(key: str) -> Any:
-    """The value of a key on the command line."""
-    texts = [text.split("=", 1)[1] for text in sys.argv[1:] if text.startswith(f"{key}=")]
-    return OverridesParser.create().parse_override(f"{key}={texts[-1]}").value() if texts else None

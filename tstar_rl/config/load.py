@@ -21,13 +21,15 @@ from omegaconf import DictConfig
 from tstar_rl.config.check import ConfigError, check
 from tstar_rl.config.command_line import command_line, told_in_words
 from tstar_rl.config.ranges import check_machine, check_ranges_of, find
-from tstar_rl.config.schema import SECTIONS, Config
-from tstar_rl.config.unread import ONE_POLICY, check_what_is_not_read
+from tstar_rl.config.schema import SECTIONS, Config, Section
+from tstar_rl.config.unread import ONE_POLICY, OURS, check_what_is_not_read
 from tstar_rl.config.values import CONFIGS, plain
 from tstar_rl.runs.run_folder import RECIPES
 
 __all__ = ["ONE_POLICY", "check_config", "recipe"]
 
+SAID_BY_THE_NEXT = ("reward_tsr", "reward_proximity")
+"""The library's rewards that a skill gets from the next one alone."""
 OWN_KEYS: dict[str, dict[str, Any]] = {}
 """Of each recipe that was imported, the keys that no other recipe needs to have, and the types of their values."""
 
@@ -121,8 +123,10 @@ def check_config(config: DictConfig, name: str) -> None:
         ConfigError: see `check.check`, `ranges.check_ranges_of` and `unread.check_what_is_not_read`; also for an
             unknown task, a wrong number of subtasks, and unknown settings of the task or values of them.
     """
-    values = plain(config)
-    check(values, Config, "", own_keys(name))
+    values, own = plain(config), own_keys(name)
+    check(values, Config, "", own)
+    if name not in OURS:  # what a key of a user's own recipe may be, only that recipe knows
+        values = {key: value for key, value in values.items() if own.get(key, Section) is Section}
     check_ranges_of(values)
     check_what_is_not_read(values, name)
     if "torchrl" not in sys.modules:
@@ -156,8 +160,8 @@ def _check_what_the_library_declares(values: dict[str, Any]) -> None:
 
 def _check_the_last_skill_is_paid(paid: dict[str, float]) -> None:
     """Raises ConfigError if only what a next skill says is paid: the last skill would have nothing to learn from."""
-    if not any(paid.get(f"reward_{term}") for term in ("env", "gail")):
+    if not any(weight for term, weight in paid.items() if term not in SAID_BY_THE_NEXT):
         raise ConfigError(
-            "reward.weights must pay env or gail: the last skill has no next one, so the other terms pay it nothing; "
-            f"got {paid} with scales and reward_scale in it"
+            "reward.weights must pay env, gail or a term of your own: the last skill has no next one, so tsr and "
+            f"proximity pay it nothing; got {paid} with scales and reward_scale in it"
         )

@@ -8,7 +8,7 @@ from typing import Any
 
 from tstar_rl.config.check import ConfigError
 
-__all__ = ["FINE_TUNING", "ONE_POLICY", "check_what_is_not_read"]
+__all__ = ["FINE_TUNING", "ONE_POLICY", "OURS", "check_what_is_not_read"]
 
 ONE_POLICY = ("bc", "ppo", "gail", "gail_ppo", "spirl")
 """Recipes that train one policy, of a subtask or of the whole task."""
@@ -40,6 +40,8 @@ STEPS = (
     *("floored", "make_demonstrations", "recover", "refitted", "report", "watch"),
 )
 """Our recipes that start no other."""
+OURS = (*STEPS, *WHOLE, "bench", "bench_growth")
+"""All recipes of the library: whose own keys `ranges` and this module know."""
 LEARN_FROM_KEPT = ("feasibility", "hand_over_value", "scar_like", "tstar")
 """Recipes whose signal learns from the rows that chain.kept_states keeps."""
 LEARN_FROM_PATHS = ("proximity", "refitted")

@@ -16,9 +16,9 @@ class Exploration:
     """Deviations at the start and at the end of a run, linear in between; for a policy with std="fixed"."""
 
     arm: tuple[float, float]
-    """Of the seven joint velocities."""
+    """Of the actions that move the arm."""
     hand: tuple[float, float]
-    """Of the gripper and connect actions."""
+    """Of the others, the gripper's and connect."""
 
     def __post_init__(self) -> None:
         for name in ("arm", "hand"):
@@ -27,7 +27,7 @@ class Exploration:
                     f"Exploration.{name} must be positive deviations, got {getattr(self, name)}"
                 )
 
-    def apply(self, policy: nn.Module, progress: float) -> None:
-        """Sets the deviation of a policy at `progress` in [0, 1]."""
+    def apply(self, policy: nn.Module, progress: float, actions: tuple[int, int] = (7, 2)) -> None:
+        """Sets the deviation of a policy at `progress` in [0, 1]; `actions` as in `Skill`."""
         arm, hand = (first + progress * (last - first) for first, last in (self.arm, self.hand))
-        set_action_std(policy, [arm] * 7 + [hand] * 2)
+        set_action_std(policy, [arm] * actions[0] + [hand] * actions[1])

@@ -12,6 +12,7 @@ from torch import Tensor
 from torchrl.collectors import Collector
 from torchrl.envs import EnvBase, StepCounter, TransformedEnv
 
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.rollouts.starts import gaussian_counts, load_gaussian_counts, start_counts
 from tstar_rl.transforms import EpisodeStart, SkillChainReset
 from tstar_rl.transforms.skill_chain_reset import Starts
@@ -105,9 +106,18 @@ def counts_of(env: TransformedEnv) -> dict[str, int]:
 
 
 def state_of(collector: Collector) -> dict[str, Any]:
-    """Simulations, generators and last observations of a collector whose environment is `with_starts`."""
+    """Simulations, generators and last observations of a collector whose environment is `with_starts`.
+
+    Raises:
+        InvalidValueError: if the environment says nothing of its state: a run could not go on from it.
+    """
     env: Any = collector.env
     world = env.base_env.state_dict()
+    if not world:
+        raise InvalidValueError(
+            f"{type(env.base_env).__name__} cannot be saved: its state_dict() is empty, so that a run would go on in "
+            "other simulations than it stopped in. Give it state_dict and load_state_dict, as FurnitureEnv has"
+        )
     world = {k: v.to_dict() if isinstance(v, TensorDictBase) else v for k, v in world.items()}
     return {
         "world": world,

@@ -32,7 +32,8 @@ class Run:
     """Log, progress bar and checkpoints of one run of a recipe.
 
     Args:
-        config: plain values; recorded, and compared when resuming.
+        config: plain values; recorded, and compared when resuming. Read are task.name, system, seed, results_dir and
+            runs_dir, which say where the run lies, resume, progress_bar and, where there is one, env.
         subtask: that the run trains, or None.
         total: environment steps, for the bar.
         trials: whether the best so far is told by trials; see `BestSoFar`.

@@ -105,6 +105,7 @@ def save_shipped(skills: Sequence[Skill], path: str | Path, signal: bool, **reco
             "settings": asdict(skill.settings),
             "geometry": checkpoint.to_plain(skill.geometry),
             "obs_dim": skill.obs_dim,
+            "actions": list(skill.actions),
         }
         for skill in skills
     ]
@@ -130,4 +131,5 @@ def _build(task: str, subtask: int, built: Mapping[str, Any]) -> Skill:
     """A skill of the right sizes, its sets empty."""
     settings = NetworkSettings(**checkpoint.to_tuples(built["settings"]))
     geometry = checkpoint.to_tensors(built["geometry"])
-    return Skill(task, subtask, settings, geometry, capacity=1, obs_dim=built["obs_dim"])
+    actions = tuple(built.get("actions", (7, 2)))  # older chains do not say: they are of the furniture
+    return Skill(task, subtask, settings, geometry, capacity=1, obs_dim=built["obs_dim"], actions=actions)

@@ -1,6 +1,5 @@
 """What the reward transforms have in common: where TorchRL calls them, and the spec of what they write."""
 
-from abc import abstractmethod
 from typing import cast
 
 import torch
@@ -26,9 +25,13 @@ class RewardTransform(Transform):
     def __init__(self, out_key: str) -> None:
         super().__init__(in_keys=[], out_keys=[out_key])
 
-    @abstractmethod
     def reward(self, current: TensorDictBase, following: TensorDictBase) -> Tensor:
-        """The reward (*batch, 1) of the step from `current` (s) to `following` (s')."""
+        """The reward (*batch, 1) of the step from `current` (s) to `following` (s').
+
+        Raises:
+            NotImplementedError: unless a subclass says what it is.
+        """
+        raise NotImplementedError(f"{type(self).__name__} must define reward(current, following)")
 
     @torch.no_grad()
     def _step(self, tensordict: TensorDictBase, next_tensordict: TensorDictBase) -> TensorDictBase:

@@ -36,7 +36,7 @@ class SkillChainReset(Transform):
 
     Raises:
         ValueError: if the probability is not in [0, 1]; at a reset, if it is around a `ParallelEnv`, or around
-            environments with transforms of their own that TorchRL has not made one with it.
+            environments with transforms of their own that TorchRL has not made one with it, or beside another one.
         KeyError: at a step without "start_chained".
 
     Source: the paper, algorithm 1 line 9; 80% and 20% from its appendix C.
@@ -70,7 +70,13 @@ class SkillChainReset(Transform):
         return tensordict
 
     def _check_place(self) -> None:
-        """Raises InvalidValueError around an environment that drops the starts, once its workers are there."""
+        """Raises InvalidValueError beside another, and around an environment that drops the starts."""
+        around = getattr(self.container, "transform", self)  # self.parent has those before this one alone
+        if sum(isinstance(each, SkillChainReset) for each in around.modules()) > 1:
+            raise InvalidValueError(
+                "an environment has two SkillChainReset: one would choose the state and the other say whether it was "
+                "chained. One of them can draw from several sources: SkillChainReset(MixedStarts([...], shares), ...)"
+            )
         env = getattr(self.parent, "base_env", None)
         inside = getattr(env, "_envs", None) or [] if isinstance(env, SerialEnv) else [env]
         if isinstance(env, ParallelEnv) or any(isinstance(one, TransformedEnv) for one in inside):

@@ -46,7 +46,8 @@ class TerminalStateReward(RewardTransform):
         momentum: weight of one success in the running mean.
 
     Raises:
-        InvalidValueError: if `score` or `baseline` is not one of these, or momentum is not in (0, 1].
+        InvalidValueError: if `score` or `baseline` is not one of these, or momentum is not in (0, 1]; later, if `said`
+            gives another shape.
 
     Source: the paper, eq. 2.
     """
@@ -82,7 +83,7 @@ class TerminalStateReward(RewardTransform):
         reached = reached if taken is None else reached & taken
         if not reached.any():  # the usual case: the network need not run
             return reward
-        scores = terminal_state_reward(self.said(obs[reached]), success[reached])
+        scores = terminal_state_reward(self._said(obs[reached]), success[reached])
         self._update_mean(scores)
         reward[reached] = scores - self.mean if self.baseline == "running_mean" else scores
         return reward
@@ -90,6 +91,15 @@ class TerminalStateReward(RewardTransform):
     def said(self, obs: Tensor) -> Tensor:
         """What is said of states obs (n, O), (n, 1), before it is clipped to [0, 1]."""
         return self.network(obs)
+
+    def _said(self, obs: Tensor) -> Tensor:
+        said, wanted = self.said(obs), (len(obs), 1)
+        if said.shape != wanted:
+            raise InvalidValueError(
+                f"{type(self).__name__}.said must give one number of each state, {wanted} of {tuple(obs.shape)}; got "
+                f"{tuple(said.shape)}"
+            )
+        return said
 
     def _update_mean(self, scores: Tensor) -> None:
         """Moves the mean towards that of scores (n, 1), with the weight of n successes; the first of all set it."""

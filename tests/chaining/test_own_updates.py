@@ -1,0 +1,109 @@
+"""Updates of a recipe's own, on a chain that trains in seconds: saved, put back and carried over as ours are."""
+
+import pandas as pd
+import pytest
+import torch
+
+from tstar_rl.chaining.chain import load_chain
+from tstar_rl.chaining.training import Training
+from tstar_rl.chaining.turn_updates import TurnUpdates
+from tstar_rl.checks import InvalidValueError
+from tstar_rl.updates import DiscriminatorSettings
+
+
+class Counter:
+    """Counts its rollouts."""
+
+    def __init__(self) -> None:
+        self.count = 0
+
+    def state_dict(self) -> dict[str, int]:
+        return {"count": self.count}
+
+    def load_state_dict(self, state_dict: dict[str, int]) -> None:
+        self.count = state_dict["count"]
+
+
+@pytest.fixture
+def counters(monkeypatch) -> dict[int, list[Counter]]:
+    """Makes every turn keep a counter, which each rollout moves on and the log shows; by skill, what turns got."""
+    found: dict[int, list[Counter]] = {}
+    policy_update, log = TurnUpdates.policy_update, Training.log
+
+    def with_counter(turn):
+        found.setdefault(turn.index, []).append(turn.keep("counter", Counter))
+        return policy_update(turn)
+
+    def counted(training, rollout, row):
+        counter = found[training.index][-1]
+        counter.count += 1
+        log(training, rollout, {**row, "counted": counter.count})
+
+    monkeypatch.setattr(TurnUpdates, "policy_update", with_counter)
+    monkeypatch.setattr(Training, "log", counted)
+    return found
+
+
+def test_it_goes_on_in_the_skills_next_turn_and_after_a_kill(counters, whole_and_resumed):
+    whole, resumed = whole_and_resumed(
+        "policy_sequencing", "chain.gate=false", "chain.links=2", "chain.rounds=2", "chain.carry_over=true"
+    )
+    assert whole.counted.tolist() == [1, 1, 2, 2]
+    pd.testing.assert_frame_equal(resumed, whole)
+
+
+def test_a_turn_that_is_put_back_puts_it_back(counters, point_chain, spoiled_turns):
+    log = point_chain(
+        "policy_sequencing", "chain.gate=true", "chain.links=2", "chain.rounds=2", "chain.carry_over=true"
+    )
+    assert (log.accepted.dropna() == 0).all() and log.counted.max() > 0
+    for turns in counters.values():
+        assert len(turns) == 2 and turns[0] is turns[1] and turns[0].count == 0
+
+
+def test_networks_that_a_turn_trains_of_any_skill_are_put_back(point_chain, monkeypatch, tmp_path):
+    policy_update, finish = TurnUpdates.policy_update, Training._finish_rollout
+
+    def with_network(turn):
+        if turn.previous is not None:
+            settings = DiscriminatorSettings()
+            turn.discriminator_update("further", turn.previous, settings, initiation=1.0, termination=0.0)
+        return policy_update(turn)
+
+    def spoil(turn, rollout):
+        turn.skill.policy[0][1].module[0][-1].bias.data[0] = -1.0  # it walks backwards
+        if turn.previous is not None:
+            for values in turn.previous.network("further").parameters():
+                values.data.fill_(7.0)
+        return finish(turn, rollout)
+
+    monkeypatch.setattr(TurnUpdates, "policy_update", with_network)
+    monkeypatch.setattr(Training, "_finish_rollout", spoil)
+    log = point_chain("policy_sequencing", "chain.gate=true", "chain.links=2", "system=spoiled")
+    assert (log.accepted.dropna() == 0).all()
+    first, _ = load_chain(tmp_path / "runs/table_lack/spoiled/seed0/last")
+    assert not any(bool((values == 7.0).all()) for values in first.network("further").parameters())
+
+
+def test_what_has_no_state_is_refused(point_chain, monkeypatch):
+    monkeypatch.setattr(TurnUpdates, "policy_update", lambda turn: turn.keep("mine", lambda: torch.zeros(1)))
+    with pytest.raises(InvalidValueError, match=r"keep\('mine'\) takes .* state_dict .*; Tensor lacks one"):
+        point_chain("policy_sequencing", "chain.gate=false", "chain.links=2")
+
+
+def test_a_floor_that_a_network_was_not_made_with_is_told(point_chain, monkeypatch):
+    """Asked for before the update that gives it, a network would be without its floor, and nobody would know."""
+    policy_update = TurnUpdates.policy_update
+
+    def asked_for_before(turn):
+        turn.skill.network("further")
+        with pytest.raises(InvalidValueError, match="made with a floor of None, and 0.02 is asked for"):
+            turn.skill.network("further", 0.02)
+        turn.skill.network("another", 0.02)
+        assert turn.skill.network("another", 0.02) is turn.skill.network("another")
+        with pytest.raises(InvalidValueError, match="every skill has its own sets"):
+            turn.skill.network("sets")
+        return policy_update(turn)
+
+    monkeypatch.setattr(TurnUpdates, "policy_update", asked_for_before)
+    point_chain("policy_sequencing", "chain.gate=false", "chain.links=2", "chain.steps_per_turn=512")

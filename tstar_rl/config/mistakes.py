@@ -1,0 +1,101 @@
+"""What Hydra refuses of a command line, or of values in a program, in the words of a recipe's user."""
+
+import re
+import sys
+from collections.abc import Callable
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Any
+
+from hydra import compose, initialize_config_dir
+from hydra.core.global_hydra import GlobalHydra
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.errors import CompactHydraException, MissingConfigException, OverrideParseException
+from omegaconf import DictConfig, OmegaConf, open_dict
+from omegaconf.errors import OmegaConfBaseException
+
+from tstar_rl.checks import UserError, did_you_mean
+
+__all__ = ["Check", "in_words", "must_be", "options"]
+
+Check = Callable[[DictConfig], None]
+
+
+def in_words(error: Exception, configs: Path, name: str, check: Check) -> str:
+    """What the command line should have been."""
+    text = " ".join(str(error).split())
+    if isinstance(error, MissingConfigException) and error.missing_cfg_file:
+        return _missing_file(Path(error.missing_cfg_file), configs, name)
+    if isinstance(error, OverrideParseException):
+        return (
+            f"cannot read {error.override!r}: write key=value, lists as [1,2], null for nothing, and a value with "
+            """other characters in quotes: "key='a=b,c'\""""
+        )
+    unknown = re.match(r"Could not override '([^']+)'", text)
+    if unknown:
+        return _unknown_key(unknown[1], configs, name, check)
+    cause = error.__cause__ if isinstance(error, CompactHydraException) else None
+    return f"{text} ({' '.join(str(cause).split())})" if cause and str(cause) not in text else text
+
+
+def options(configs: Path, group: str) -> list[str]:
+    """The files of a group of configs, by name."""
+    return sorted(path.stem for path in (configs / group).glob("*.yaml"))
+
+
+def must_be(group: str, valid: list[str]) -> str:
+    """What a group's value must be."""
+    return f"{group} must be one of {', '.join(valid)} (files of configs/{group})"
+
+
+def _missing_file(missing: Path, configs: Path, name: str) -> str:
+    """For an option that a group has no file for, or a recipe (`name`) without one."""
+    group, option = missing.parent.as_posix(), missing.name.removesuffix(".yaml")
+    if missing == Path("recipe", name):
+        return (
+            f"the recipe {name} needs a file of its values, {configs / missing}.yaml, which is not there; one that "
+            f"lies elsewhere, as <folder>/{missing}.yaml, is found with --config-dir <folder>"
+        )
+    valid = options(configs, group)
+    if not valid:
+        groups = sorted(path.name for path in configs.iterdir() if path.is_dir())
+        return f"there is no {missing} in {configs}; its folders are {', '.join(groups)}"
+    file = configs / "recipe" / f"{name}.yaml"  # not there: of a recipe of a user's own, from --config-dir
+    chosen = file.read_text() if file.is_file() else ""
+    given = any(text.startswith(f"{group}=") for text in sys.argv[1:])
+    if f"/{group}: ${{scale}}" in chosen and not given:
+        has = f"{group}={option} has no file in configs/{group}, where the recipe {name} looks for the scale's name"
+        return f"{has}; scales with one are {', '.join(valid)}; or choose one beside your scale: {group}={valid[0]}"
+    return f"{group}={option}: {must_be(group, valid)}{did_you_mean(option, valid)}"
+
+
+def _unknown_key(key: str, configs: Path, name: str, check: Check) -> str:
+    """For a key that the recipe's config does not have: what `check` says of it, or how to add it."""
+    groups = [path.name for path in configs.iterdir() if path.is_dir()]
+    if key in groups:
+        return f"{key}=... chooses a file of configs/{key}, and the recipe {name} has no values of these"
+    if hint := did_you_mean(key, groups, cutoff=0.75):
+        return f"the config of {name} has no {key}{hint}"
+    try:
+        begun = GlobalHydra.instance().is_initialized()  # by a recipe that composes the config of a step
+        with nullcontext() if begun else initialize_config_dir(str(configs), version_base="1.3"):
+            config = compose(f"recipe/{name}")
+        section, _, last = key.rpartition(".")
+        there = OmegaConf.select(config, section) if section else config
+        near = did_you_mean(last, [*there]) if isinstance(there, DictConfig) else ""
+        with open_dict(config):
+            OmegaConf.update(config, key, _given(key), force_add=True)
+        check(config)
+    except UserError as error:
+        return f"{error} (of the recipe {name})"
+    except MissingConfigException:  # a user's own, whose values lie elsewhere
+        return f"the config of {name} has no {key}"
+    except (OmegaConfBaseException, TypeError) as error:  # the key goes through something that is no section
+        return f"the config of {name} has no {key}: {' '.join(str(error).split())}"
+    return f"{key} is valid, but not set in the configs of {name}: write +{key}=...{near}"
+
+
+def _given(key: str) -> Any:
+    """The value of a key on the command line."""
+    texts = [text.split("=", 1)[1] for text in sys.argv[1:] if text.startswith(f"{key}=")]
+    return OverridesParser.create().parse_override(f"{key}={texts[-1]}").value() if texts else None
