@@ -7,6 +7,7 @@ import yaml
 from published_runs import contents
 
 from tstar_rl.analysis.page.contents import read_contents
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.values import CONFIGS
 
 PUBLISHED = Path(__file__).resolve().parents[2] / "results" / "published"
@@ -17,17 +18,37 @@ PUBLISHED = Path(__file__).resolve().parents[2] / "results" / "published"
     [
         (
             {"kind": "arms"},
-            "kind of odd must be one of experiment, single_policies, paper, ablations, got arms",
+            "odd.kind must be experiment or single_policies or paper or ablations, got 'arms'",
         ),
-        ({"commits": "any"}, "commits of odd must be one of one, several, got any"),
-        ({"pair": []}, "an experiment has no pair; it has folder, kind, commits, pairs"),
+        ({"commits": "any"}, "odd.commits must be one or several, got 'any'"),
+        ({"pair": []}, "odd has no pair; it has folder, kind, commits, pairs"),
+        ({"kind": None}, "odd.kind must be .*, got None"),
+        (
+            {"pairs": ["tstar", "base"]},
+            r"odd.pairs must be .*, each a list of 2, each text, got \['tstar', .*",
+        ),
+        ({"pairs": [["a", "b", "c"]]}, r"odd.pairs must be .* got \[\['a', 'b', 'c'\]\]"),
+        ({"pairs": ["bc"]}, "odd.pairs must be a list, each a list of 2"),
+        ({"choices": ["a"]}, "odd.choices must be a section, each value a list of 2, each text"),
         (
             {"questions": [{"asks": "Is it?", "pair": []}]},
-            "of 'Is it\\?' these are missing or unknown: pair, pairs, seeds",
+            "odd: the question 'Is it\\?' has no pair; it has asks, pairs, seeds",
+        ),
+        (
+            {"questions": [{"asks": "Is it?", "pairs": [], "seeds": "ten"}]},
+            "question 'Is it\\?'.seeds must be a whole number, got 'ten'",
+        ),
+        (
+            {"questions": [{"asks": "Is it?", "pairs": []}]},
+            "question 'Is it\\?' lacks seeds, which must be a whole",
+        ),
+        (
+            {"learned": {"least": 1}},
+            "odd: learned has no least; it has",
         ),
         (
             {"questions": [{"asks": "Is it?", "pairs": [["a", "b"]], "seeds": 2}]},
-            r"questions of odd have \[\('a', 'b'\)\], not in its pairs",
+            r"odd: questions have \[\('a', 'b'\)\], not in its pairs",
         ),
     ],
 )
@@ -36,6 +57,13 @@ def test_mistakes_in_the_contents_are_named(published, change, message):
         published, [{"folder": "odd", "kind": "experiment", **change}, {"folder": "plain", "kind": "paper"}]
     )
     with pytest.raises(ValueError, match=message):
+        read_contents(published)
+
+
+@pytest.mark.parametrize("text", ["", "experiments: odd\n", "- odd\n", "experiments: [odd]\n"])
+def test_a_file_of_another_form_is_named(published, text):
+    (published / "contents.yaml").write_text(text)
+    with pytest.raises(InvalidValueError, match="contents.yaml"):
         read_contents(published)
 
 

@@ -60,7 +60,7 @@ def test_a_family_of_comparisons_is_corrected_for_all_of_it(published):
         "families": [[["tstar", "buffer"], ["tstar", "mine"]]],
     }
     contents(published, [odd, {"folder": "plain", "kind": "paper"}])
-    with pytest.raises(ValueError, match=r"families of odd have \[\('tstar', 'mine'\)\], not in its pairs"):
+    with pytest.raises(ValueError, match=r"odd: families have \[\('tstar', 'mine'\)\], not in its pairs"):
         read_contents(published)
     pairs.append(["tstar", "mine"])
     asked = {"asks": "Better?", "pairs": [["tstar", "buffer_no_gate"]], "seeds": 2, "improvement": 0.95}
@@ -71,7 +71,7 @@ def test_a_family_of_comparisons_is_corrected_for_all_of_it(published):
         read_contents(published)
     twice = {**odd, "families": [[["tstar", "buffer"]]] * 2}
     contents(published, [twice, {"folder": "plain", "kind": "paper"}])
-    with pytest.raises(ValueError, match=r"families of odd share \[\('tstar', 'buffer'\)\]"):
+    with pytest.raises(ValueError, match=r"odd: families share \[\('tstar', 'buffer'\)\]"):
         read_contents(published)
     contents(published, [odd, {"folder": "plain", "kind": "paper"}])
     page = results_page(published, THEIRS, "")

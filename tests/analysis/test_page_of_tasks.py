@@ -44,6 +44,6 @@ def test_a_task_question_needs_all_its_values(tmp_path):
     shelf = write_shelf(tmp_path, RUNS)
     contents(shelf, reference="base", task_questions=[{"asks": "Does it?", "pair": ["tstar", "base"]}])
     with pytest.raises(
-        ValueError, match="needs asks, pair, runs; of 'Does it\\?' these are missing or unknown: runs"
+        ValueError, match="shelf: the question 'Does it\\?' lacks runs, which must be a whole number"
     ):
         read_contents(shelf)

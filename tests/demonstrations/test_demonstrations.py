@@ -36,6 +36,25 @@ def test_they_come_back(demonstrations, path):
     assert [file.name for file in path.parent.iterdir()] == ["some.npz"]
 
 
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda d: {"actions": torch.nan * d.actions}, "field actions has values that are not finite"),
+        (lambda d: {"actions": d.actions[:-1]}, r"field actions has shape \(6, 9\), should be \(7, 9\)"),
+        (
+            lambda d: {"observations": d.observations[:, :10]},
+            r"field observations has shape \(7, 10\), should be",
+        ),
+        (lambda d: {"snapshots": TensorDict({}, [7])}, "field snapshot/.* is missing"),
+        (lambda d: {"success": ~d.success}, "field success is False in episode 0"),
+    ],
+)
+def test_what_could_not_be_read_again_is_not_written(demonstrations, tmp_path, change, message):
+    with pytest.raises(DemonstrationError, match=message):
+        replace(demonstrations, **change(demonstrations)).save(tmp_path / "some.npz")
+    assert not list(tmp_path.iterdir())
+
+
 def test_some_of_them_and_others(demonstrations):
     one = demonstrations.first(1)
     assert len(one) == 1 and one.lengths.tolist() == [3]

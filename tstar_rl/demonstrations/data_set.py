@@ -13,7 +13,14 @@ import torch
 from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 
-from tstar_rl.demonstrations.file_check import ARRAYS, FURNITURE, NOISE, DemonstrationError, read
+from tstar_rl.demonstrations.file_check import (
+    ARRAYS,
+    FURNITURE,
+    NOISE,
+    DemonstrationError,
+    check_arrays,
+    read,
+)
 from tstar_rl.demonstrations.header import FORMAT_VERSION, HEADER, KINDS
 from tstar_rl.runs.files import replacing, turn_to_write
 
@@ -86,7 +93,8 @@ class Demonstrations:
         """Writes the file; one that is there stays whole until the new one is complete.
 
         Raises:
-            ValueError: they were imported: `load` would not take them.
+            ValueError: they were imported, which are not saved.
+            DemonstrationError: names a field that `load` would not take. Nothing is written then.
         """
         if self.kind not in KINDS:
             raise ValueError(f"demonstrations of kind {self.kind} are not saved; valid: {', '.join(KINDS)}")
@@ -99,6 +107,7 @@ class Demonstrations:
         if self.furniture is not None:
             arrays[FURNITURE] = np.array(self.furniture)
         path = Path(path)
+        check_arrays(path, header, arrays)
         with turn_to_write(path.parent), replacing(path) as partial, partial.open("wb") as file:
             np.savez_compressed(file, header=np.array(json.dumps(header)), **arrays)
 

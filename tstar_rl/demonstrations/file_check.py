@@ -19,6 +19,7 @@ __all__ = [
     "NOISE",
     "DemonstrationError",
     "Made",
+    "check_arrays",
     "read",
     "read_made",
     "snapshot_layout",
@@ -60,6 +61,16 @@ def read(path: str | Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     """
     arrays = _arrays(path)
     header = read_header(path, arrays)
+    check_arrays(path, header, arrays)
+    return header, arrays
+
+
+def check_arrays(path: str | Path, header: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
+    """Checks what a file holds, or is to hold.
+
+    Raises:
+        DemonstrationError: names the field that is wrong.
+    """
     sizes, width = _check_lengths(path, arrays), _width(path, header["task"])
     _noise(path, arrays)
     _digest(path, arrays)
@@ -72,7 +83,6 @@ def read(path: str | Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
         if (largest := float(np.abs(arrays[name]).max())) > 1:
             raise DemonstrationError(f"{path}: field {name} has {largest:g}; actions are in [-1, 1]")
     _check_snapshots(path, arrays, sizes["rows"], header["task"])
-    return header, arrays
 
 
 def read_made(path: str | Path) -> Made:

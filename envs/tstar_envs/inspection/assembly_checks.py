@@ -86,7 +86,10 @@ def _aside(part: str, where: str, surfaces: tuple[float, float]) -> tuple[bool, 
 
 
 def _reach(workshop: Workshop, k: int) -> Found:
-    """The hand where it grasps, and where it holds the part when the connectors meet: one way round, the easier."""
+    """The hand where it grasps, and where it holds the part when the connectors meet: one way round, the easier.
+
+    And at the lift point, which the reward asks for and the script need not come by.
+    """
     step = workshop.furniture.steps[k]
     point, axis = _grasp_in_world(workshop, k)
     approach = np.array(step.grip_angle)
@@ -99,8 +102,9 @@ def _reach(workshop: Workshop, k: int) -> Found:
     for side in (1.0, -1.0):
         hand = np.stack([np.cross(side * axis, approach), side * axis, approach], axis=1)
         ends = (point, hand), (moved[:3, :3] @ point + moved[:3, 3], moved[:3, :3] @ hand)
-        sides.append([shortfall(workshop.model, tip, frame) for tip, frame in ends])
-    easier = min(sides, key=lambda found: max(each.distance + 0.1 * each.angle for each in found))
+        sides.append(([shortfall(workshop.model, tip, frame) for tip, frame in ends], hand))
+    easier, hand = min(sides, key=lambda side: max(each.distance + 0.1 * each.angle for each in side[0]))
+    yield from _lift(workshop, k, point, hand)
     for found, what in zip(easier, ("to grasp", "to join"), strict=True):
         if not found.reached:
             off, angle = 1000 * found.distance, np.degrees(found.angle)
@@ -110,6 +114,22 @@ def _reach(workshop: Workshop, k: int) -> Found:
                 f"{what} {step.moving_part} the hand must be where the arm does not reach: it stays {off:.0f} mm and "
                 f"{angle:.0f} degrees off. Move the parts nearer to the robot's middle, or turn them",
             )
+
+
+def _lift(workshop: Workshop, k: int, point: np.ndarray, hand: np.ndarray) -> Found:
+    """The hand at the lift point, turned as it grasps at `point`."""
+    step, where = workshop.furniture.steps[k], f"steps[{k}].waypoint"
+    if step.waypoint[2] < 0:
+        yield False, where, f"the reward asks the hand to lift {step.moving_part} to below where it lay"
+        return
+    found = shortfall(workshop.model, point + np.array(step.waypoint), hand)
+    if not found.reached:
+        yield (
+            False,
+            where,
+            f"to lift {step.moving_part} there the hand must be where the arm does not reach: it stays "
+            f"{1000 * found.distance:.0f} mm and {np.degrees(found.angle):.0f} degrees off",
+        )
 
 
 def _way_in(workshop: Workshop, k: int) -> Found:

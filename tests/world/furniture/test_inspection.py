@@ -89,6 +89,8 @@ def _under_a_roof(data):
         (lambda d: _leg(d, density=20000, boxes=[{"size": [0.017, 0.017, 0.13]}]), True,
          "steps[0]", "leg_2 and what is joined to it weigh 6.01 kg"),
         (lambda d: _leg(d, density=1), False, "parts.leg_2.density", "weighs 0.236 g"),
+        (lambda d: _step(d, waypoint=[2, 2, 2]), False, "steps[0].waypoint", "to lift leg_2 there the hand must be"),
+        (lambda d: _step(d, waypoint=[0, 0, -1]), False, "steps[0].waypoint", "to lift leg_2 to below where it lay"),
         (lambda d: _step(d, waypoint=[0, 0, 0]), False, "steps[0].waypoint", "by nothing"),
         (lambda d: _step(d, insertion=0.02, clearance=0.002), False, "steps[0].clearance", "2 mm of play"),
         (lambda d: d["steps"].pop(), False, "parts.leg_1", "no step joins it"),

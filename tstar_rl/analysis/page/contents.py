@@ -1,9 +1,9 @@
 """Which published experiments the page shows, from results/published/contents.yaml."""
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import MISSING, dataclass, field, fields
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, Literal
 
 import yaml
 
@@ -13,14 +13,12 @@ from tstar_rl.analysis.page.markdown import Paper
 from tstar_rl.analysis.questions import Question
 from tstar_rl.analysis.task_questions import TaskQuestion
 from tstar_rl.checks import InvalidValueError
+from tstar_rl.config.check import check
 from tstar_rl.runs.run_folder import UNTRAINED
 
 __all__ = ["Contents", "Entry", "read_contents"]
 
 FILE = "contents.yaml"
-KINDS = ("experiment", "single_policies", "paper", "ablations")
-COMMITS = ("one", "several")
-_Asked = TypeVar("_Asked", Question, TaskQuestion)
 
 
 @dataclass(frozen=True)
@@ -97,14 +95,16 @@ def read_contents(root: str | Path) -> Contents:
 
     Raises:
         FileNotFoundError: if there is no such file, or an experiment's folder has no README.md.
-        InvalidValueError: for an unknown field or value, for a folder of results that the file does not name or names
-            both as shown and as kept back, and what `parse_headline` raises.
+        InvalidValueError: for an unknown or missing field, for a value of another type, for a folder of results that
+            the file does not name or names both as shown and as kept back, and what `parse_headline` raises.
     """
     root = Path(root)
     file = root / FILE
     if not file.is_file():
         raise FileNotFoundError(f"{file} says which published results the page shows, and is not there")
     values = yaml.safe_load(file.read_text())
+    if not isinstance(values, Mapping) or not isinstance(values.get("experiments"), list):
+        raise InvalidValueError(f"{file} must have a list of experiments, got {values!r:.80}")
     entries = tuple(_entry(root, one) for one in values["experiments"])
     named = {entry.folder.name for entry in entries}
     kept_back = set(values.get("kept_back") or ())
@@ -117,91 +117,86 @@ def read_contents(root: str | Path) -> Contents:
     return Contents(entries, headline)
 
 
-def _entry(root: Path, one: dict) -> Entry:
+AS_WRITTEN: dict[str, Any] = {
+    "folder": str,
+    "kind": Literal["experiment", "single_policies", "paper", "ablations"],
+    "commits": Literal["one", "several"],
+    "questions": tuple[dict[str, Any], ...],
+    "task_questions": tuple[dict[str, Any], ...],
+    "choices": dict[str, tuple[str, str]],
+    "learned": dict[str, Any],
+    "arms": dict[str, str],
+}
+"""The types of an item's fields in the file, where `Entry` has other ones."""
+
+
+def _entry(root: Path, one: Any) -> Entry:
     """One item of `experiments`."""
-    known = [field.name for field in fields(Entry)]
-    unknown = [str(name) for name in one if name not in known]
-    if unknown:
-        raise InvalidValueError(
-            f"{root / FILE}: an experiment has no {', '.join(unknown)}; it has {', '.join(known)}"
-        )
-    pairs = _pairs(one.get("pairs", ()))
-    families = tuple(_pairs(family) for family in one.get("families", ()))
-    questions = tuple(_question(root, asked, Question) for asked in one.get("questions", ()))
-    learned = _learned(root, one["learned"]) if "learned" in one else None
-    over_tasks = tuple(_question(root, asked, TaskQuestion) for asked in one.get("task_questions", ()))
-    for name, each in (("families", families), ("questions", [asked.pairs for asked in questions])):
-        unknown = sorted({pair for named in each for pair in named} - set(pairs))
-        if unknown:
-            raise InvalidValueError(
-                f"{root / FILE}: {name} of {one['folder']} have {unknown}, not in its pairs"
-            )
-    _check_families(root, one["folder"], families, questions)
-    values = {
-        **one,
-        "folder": root / one["folder"],
-        "pairs": pairs,
-        "families": families,
-        "questions": questions,
-        "learned": learned,
-        "task_questions": over_tasks,
-        "choices": dict(zip(one.get("choices", {}), _pairs(one.get("choices", {}).values()), strict=True)),
-        **{name: tuple(one.get(name, ())) for name in ("no_gap", "figure_arms")},
-        "sections": None if one.get("sections") is None else tuple(one["sections"]),
+    if not isinstance(one, Mapping):
+        raise InvalidValueError(f"{root / FILE}: an experiment has a folder and a kind, got {one!r}")
+    where = f"{root / FILE}: {one.get('folder', 'an experiment')}"
+    check(one, Entry, where, AS_WRITTEN)
+    parse: dict[str, Callable[[Any], Any]] = {
+        "folder": lambda name: root / name,
+        "pairs": _pairs,
+        "families": lambda families: tuple(map(_pairs, families)),
+        "questions": lambda asked: tuple(_question(each, where) for each in asked),
+        "task_questions": lambda asked: tuple(_task_question(each, where) for each in asked),
+        "choices": lambda choices: dict(zip(choices, _pairs(choices.values()), strict=True)),
+        "learned": lambda given: _learned(given, where),
+        **{name: lambda listed: listed and tuple(listed) for name in ("no_gap", "figure_arms", "sections")},
     }
-    entry = Entry(**values)
-    for name, value, valid in (("kind", entry.kind, KINDS), ("commits", entry.commits, COMMITS)):
-        if value not in valid:
-            raise InvalidValueError(
-                f"{root / FILE}: {name} of {one['folder']} must be one of {', '.join(valid)}, got {value}"
-            )
+    entry = Entry(**{name: parse[name](value) if name in parse else value for name, value in one.items()})
+    _check_pairs(entry, where)
+    _check_families(entry, where)
     if not (entry.folder / "README.md").is_file():
         raise FileNotFoundError(f"{entry.folder / 'README.md'} gives an experiment's title, and is not there")
     return entry
 
 
-def _check_families(
-    root: Path, folder: str, families: Sequence[Sequence[tuple[str, str]]], questions: Sequence[Question]
-) -> None:
+def _check_pairs(entry: Entry, where: str) -> None:
+    """What a question or a family compares must be among the entry's pairs."""
+    for name, each in (
+        ("families", entry.families),
+        ("questions", [asked.pairs for asked in entry.questions]),
+    ):
+        unknown = sorted({pair for named in each for pair in named} - set(entry.pairs))
+        if unknown:
+            raise InvalidValueError(f"{where}: {name} have {unknown}, not in its pairs")
+
+
+def _check_families(entry: Entry, where: str) -> None:
     """A question with an improvement needs a corrected p-value, so each of its pairs must be in one family."""
-    corrected = [pair for family in families for pair in family]
+    corrected = [pair for family in entry.families for pair in family]
     twice = sorted({pair for pair in corrected if corrected.count(pair) > 1})
     if twice:
-        raise InvalidValueError(
-            f"{root / FILE}: families of {folder} share {twice}; a pair is corrected in one family"
-        )
-    asked = {pair for question in questions if question.improvement is not None for pair in question.pairs}
+        raise InvalidValueError(f"{where}: families share {twice}; a pair is corrected in one family")
+    asked = {
+        pair for question in entry.questions if question.improvement is not None for pair in question.pairs
+    }
     if asked - set(corrected):
         raise InvalidValueError(
-            f"{root / FILE}: questions of {folder} with an improvement ask for {sorted(asked - set(corrected))}, "
-            "which no family of its families has"
+            f"{where}: questions with an improvement ask for {sorted(asked - set(corrected))}, which no family of its "
+            "families has"
         )
 
 
-def _question(root: Path, asked: dict, kind: type[_Asked]) -> _Asked:
-    """One item of an experiment's `questions` or `task_questions`."""
-    _check_fields(root, "a question", asked, kind)
-    if kind is Question:
-        return kind(**{**asked, "pairs": _pairs(asked["pairs"]), "tasks": tuple(asked.get("tasks", ()))})
-    return kind(**{**asked, "pair": _pairs([asked["pair"]])[0]})
+def _question(asked: Mapping[str, Any], where: str) -> Question:
+    """One item of an experiment's `questions`."""
+    check(asked, Question, f"{where}: the question {asked.get('asks')!r}")
+    return Question(**{**asked, "pairs": _pairs(asked["pairs"]), "tasks": tuple(asked.get("tasks", ()))})
 
 
-def _learned(root: Path, given: dict) -> Learned:
+def _task_question(asked: Mapping[str, Any], where: str) -> TaskQuestion:
+    """One item of an experiment's `task_questions`."""
+    check(asked, TaskQuestion, f"{where}: the question {asked.get('asks')!r}")
+    return TaskQuestion(**{**asked, "pair": _pairs([asked["pair"]])[0]})
+
+
+def _learned(given: Mapping[str, Any], where: str) -> Learned:
     """An experiment's `learned`."""
-    _check_fields(root, "learned", given, Learned)
+    check(given, Learned, f"{where}: learned")
     return Learned(**given)
-
-
-def _check_fields(root: Path, what: str, given: dict, kind: type) -> None:
-    valid = {field.name: field.default is MISSING for field in fields(kind)}
-    wrong = [name for name in given if name not in valid]
-    wrong += [name for name, it_is_needed in valid.items() if it_is_needed and name not in given]
-    if wrong:
-        needed = ", ".join(name for name, it_is_needed in valid.items() if it_is_needed)
-        raise InvalidValueError(
-            f"{root / FILE}: {what} has {', '.join(valid)}, and needs {needed}; of {given.get('asks', given)!r} "
-            f"these are missing or unknown: {', '.join(wrong)}"
-        )
 
 
 def _pairs(listed: Iterable[Sequence[str]]) -> tuple[tuple[str, str], ...]:
