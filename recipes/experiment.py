@@ -14,10 +14,10 @@ anew, which gives the same numbers, to the bit: tables that lie there stay, and 
 """
 
 import itertools
-import threading
 from contextlib import nullcontext
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 from hydra.core.hydra_config import HydraConfig
@@ -52,6 +52,33 @@ Planned = tuple[str | None, Step]
 )  # fmt: skip
 def main(config: DictConfig) -> None:
     """Runs a lane for each task and seed; a lane that waits for a bonus finds it when it gets there."""
+    declared, end = _declared(config), deadline(config.minutes)
+    published = PUBLISHED / declared.name
+    lanes = _lanes(config, declared, published)
+    named = {commit for lane in lanes for commit, _ in lane if commit is not None}
+    code = {commit: code_of_commit(commit, Path(config.runs_dir) / "code") for commit in sorted(named)}
+    run, stopped = _Steps(code, end, published), None
+    _check(lanes, code)
+    try:
+        run_side_by_side(lanes, (), config.processes, run)
+    except (
+        SystemExit
+    ) as stop:  # where one lane failed, what the others have finished is published all the same
+        stopped = stop
+    if config.publish:
+        first = [*declared.shared(*declared.lanes()[0]), *passed_on(OWN)]
+        results = step_config(("gail_ppo",), first).results_dir
+        print("\n".join(map(str, publish(results, published, declared.declares))))
+    if stopped is not None:
+        _end(stopped, config.minutes, run.further)
+
+
+def _declared(config: DictConfig) -> DeclaredExperiment:
+    """The experiment that is asked for.
+
+    Raises:
+        InvalidValueError: if none is, or the values beside it do not go with an experiment.
+    """
     if config.get("experiment") is None:
         names = sorted(file.stem for file in (CONFIGS / "experiment").glob("*.yaml"))
         raise InvalidValueError(f"say which: experiment=<name>; there are {', '.join(names)}")
@@ -68,59 +95,62 @@ def main(config: DictConfig) -> None:
         )
     if config.minutes is not None:
         check_goes_on(config.resume, "experiment.py")
-    declared, end = parse_experiment(plain(config)["experiment"]), deadline(config.minutes)
+    declared = parse_experiment(plain(config)["experiment"])
     if declared.name != (file := HydraConfig.get().runtime.choices["experiment"]):
         raise InvalidValueError(
             f"experiment.name in {file}.yaml must be {file}, got {declared.name}: its runs and tables would be mixed "
             "with that one's"
         )
     declared.check_arms(config.arms or ())
-    published = PUBLISHED / declared.name
     if config.unpublished and not PUBLISHED.is_dir():
         raise InvalidValueError(
             f"unpublished=true leaves out what lies below {PUBLISHED}, which is not there: start it in the clone's "
             "folder"
         )
-    lanes = _lanes(config, declared, published)
-    named = {commit for lane in lanes for commit, _ in lane if commit is not None}
-    code = {commit: code_of_commit(commit, Path(config.runs_dir) / "code") for commit in sorted(named)}
-    composing = threading.Lock()  # Hydra composes one config at a time
-    further: list[Step] = []
-    """Steps that left more to go on from than they found."""
+    return declared
 
-    def run(planned: Planned, shared: list[str], line: int) -> None:
-        root, step = code.get(planned[0] or ""), planned[1]
-        with composing, nullcontext() if root is None else configs_of(root):
+
+@dataclass
+class _Steps:
+    """Runs the steps of lanes, unless they are done.
+
+    Attributes:
+        code: of each commit, the folder of its code.
+        end: when the time is over, in seconds of the monotonic clock.
+        published: tables of the experiment, where a bonus may be found.
+        further: steps that left more to go on from than they found.
+    """
+
+    code: dict[str, Path]
+    end: float
+    published: Path
+    further: list[Step] = field(default_factory=list)
+    composing: Lock = field(default_factory=Lock)
+    """Hydra composes one config at a time."""
+
+    def __call__(self, planned: Planned, shared: list[str], line: int) -> None:
+        root, step = self.code.get(planned[0] or ""), planned[1]
+        with self.composing, nullcontext() if root is None else configs_of(root):
             place = step_config(without_bonus(step))
-            step = with_bonus(step, place.task.name, place.seed, place.results_dir, place.runs_dir, published)
+            folders = place.results_dir, place.runs_dir, self.published
+            step = with_bonus(step, place.task.name, place.seed, *folders)
             done = is_done(step, ignored=("bonus",), other_code=root is not None)
         if done:
             return
         before = left_behind(step, place)
         try:
-            run_until(end, step, line=line, code=root)
+            run_until(self.end, step, line=line, code=root)
         finally:
-            further.extend([step] if left_behind(step, place) != before else [])
+            self.further.extend([step] if left_behind(step, place) != before else [])
 
-    _check(lanes, code)
-    stopped: SystemExit | None = None
-    try:
-        run_side_by_side(lanes, (), config.processes, run)
-    except (
-        SystemExit
-    ) as stop:  # where one lane failed, what the others have finished is published all the same
-        stopped = stop
-    if config.publish:
-        first = [*declared.shared(*declared.lanes()[0]), *passed_on(OWN)]
-        results = step_config(("gail_ppo",), first).results_dir
-        print("\n".join(map(str, publish(results, published, declared.declares))))
-    if stopped is None:
-        return
+
+def _end(stopped: SystemExit, minutes: float, further: list[Step]) -> None:
+    """Ends with what stopped the lanes: another exit code where it was the time, if there is more to go on from."""
     if set(str(stopped).splitlines()) != {str(TimeIsOver())}:
         raise stopped
     if not further:
         raise SystemExit(
-            f"no step of the experiment has left anything to go on from after minutes={config.minutes:g}: give it more"
+            f"no step of the experiment has left anything to go on from after minutes={minutes:g}: give it more"
         )
     print("The time is over; the same command goes on.")
     raise SystemExit(MORE)
