@@ -19,7 +19,7 @@ from tstar_rl.launch.evaluations import check_chain
 from tstar_rl.launch.run_folders import run_folder
 from tstar_rl.rollouts.episodes import run_episodes
 from tstar_rl.runs.csv_tables import write_table
-from tstar_rl.seams.moved_parts import MovedParts
+from tstar_rl.seams.moved_parts import MovedParts, success_by_moved
 from tstar_rl.seeds import evaluation_seed
 
 
@@ -40,9 +40,7 @@ def main(config: DictConfig) -> None:
     env.close()
     table, path = watch.table(), run_folder(config, "results_dir") / "moved_parts.csv"
     write_table(path, table)
-    moved = (table.part_moved >= config.from_metres) | (table.part_turned >= config.from_degrees)
-    which = moved.map({True: "moved", False: "not moved"}).rename("its part")
-    print(table.succeeded.groupby([table.skill, which]).agg(["size", "mean"]).round(3).to_string())
+    print(success_by_moved(table, config.from_metres, config.from_degrees).round(3).to_string())
     print(path)
 
 

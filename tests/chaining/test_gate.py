@@ -127,7 +127,7 @@ def test_a_rejected_turn_puts_back_everything_that_it_changed(spoiled_turns, poi
             )
             assert same, (turn, name)
     # What is said of the chain that was tried is said by the networks that were trained with it.
-    said, before = (flat(states[when, 0]["following"]["d_omega"]) for when in ("said", "before"))
+    said, before = (flat(states[when, 0]["others"][1]["d_omega"]) for when in ("said", "before"))
     assert any(not torch.equal(value, before[name]) for name, value in said.items())
 
 

@@ -1,9 +1,11 @@
 """What is noted of each hand-over: on episodes written by hand, and by the recipe on the point's chain."""
 
 import math
+import re
 import runpy
 
 import pandas as pd
+import pytest
 import torch
 from hydra import compose, initialize_config_dir
 from recipe_runs import ROOT
@@ -11,7 +13,7 @@ from tensordict import TensorDict
 
 from tstar_rl.config.values import CONFIGS
 from tstar_rl.env.layout import PARTS, observation_size
-from tstar_rl.seams.moved_parts import MovedParts
+from tstar_rl.seams.moved_parts import MovedParts, success_by_moved
 
 PARTS_OF = {"part": [1, 0], "target": [0, 1]}
 """Subtask 0 moves the second part to the first, subtask 1 the first to the second."""
@@ -67,6 +69,14 @@ def test_nothing_is_noted_once_the_last_skill_has_succeeded():
     assert [seam["skill"] for seam in found] == [1]
 
 
+def test_what_moved_by_as_much_as_asked_in_either_way_counts_as_moved():
+    rows = [(1, 0.01, 0.0, 0), (1, 0.0, 5.0, 1), (1, 0.02, 9.0, 0), (1, 0.009, 4.9, 1), (2, 0.0, 0.0, 1)]
+    table = pd.DataFrame(rows, columns=["skill", "part_moved", "part_turned", "succeeded"])
+    found = success_by_moved(table, from_metres=0.01, from_degrees=5.0)
+    assert found["size"].to_dict() == {(1, "moved"): 3, (1, "not moved"): 1, (2, "not moved"): 1}
+    assert found["mean"].tolist() == pytest.approx([1 / 3, 1.0, 1.0])
+
+
 def measure(folder, *values: str) -> None:
     places = [f"{place}_dir={folder / place}" for place in ("results", "runs")]
     with initialize_config_dir(str(CONFIGS), version_base="1.3"):
@@ -82,4 +92,5 @@ def test_the_recipe_writes_a_row_for_each_hand_over(point_chain, tmp_path, capsy
     first = table[table.skill == 1]
     assert len(first) == 32 and set(table.skill) <= {1, 2, 3} and set(table.part_moved) == {0.0}
     assert int(first.succeeded.sum()) == int((table.skill == 2).sum())
-    assert "moved_parts.csv" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "moved_parts.csv" in said and re.search(r"^1 +not moved +32 +", said, re.MULTILINE)

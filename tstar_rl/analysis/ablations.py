@@ -90,7 +90,7 @@ def ablation_finding(rows: pd.DataFrame) -> str:
         lines.append(f"{task}, {count} seed{'s' * (count > 1)}, differences in progress:")
         for row in compare_arms(as_arms(part), [pair for pair in pairs if pair[0] != pair[1]]).itertuples():
             span = f"{row.difference:+.3f} [{row.low:+.3f}, {row.high:+.3f}]"
-            seeds = f" ({row.seeds} of them)" if row.seeds < count else ""
+            seeds = f" ({row.seeds} of them)" if int(row.seeds) < count else ""
             lines.append(f"  {row.first} against {row.second}: {span}, {row.verdict}{seeds}")
         if count == 1:
             lines.append("  One seed: how much training differs from run to run is not in these intervals.")

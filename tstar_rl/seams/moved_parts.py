@@ -9,7 +9,7 @@ from torch import Tensor
 from tstar_rl.seams.apart import part_poses
 from tstar_rl.seams.attempts import Attempts
 
-__all__ = ["MovedParts"]
+__all__ = ["MovedParts", "success_by_moved"]
 
 
 class MovedParts:
@@ -44,3 +44,19 @@ class MovedParts:
         distance and angle of a part between the episode's first state and the hand-over; succeeded.
         """
         return self._attempts.table("skill", "step")
+
+
+def success_by_moved(table: pd.DataFrame, from_metres: float, from_degrees: float) -> pd.DataFrame:
+    """How often each skill succeeds where its part was moved before its turn, and where it was not.
+
+    Args:
+        table: of `MovedParts`, whose column "part" is of the part that a skill moves.
+        from_metres, from_degrees: a part that was moved or turned by so much, or more, counts as moved.
+
+    Returns:
+        Index skill and "its part", "moved" or "not moved"; columns size, of hand-overs, and mean, the share that
+        succeeded.
+    """
+    moved = (table["part_moved"] >= from_metres) | (table["part_turned"] >= from_degrees)
+    which = moved.map({True: "moved", False: "not moved"}).rename("its part")
+    return table["succeeded"].groupby([table["skill"], which]).agg(["size", "mean"])
