@@ -17,7 +17,13 @@ if TYPE_CHECKING:
     from tstar_rl.chaining.skill import NetworkSettings, Skill
     from tstar_rl.chaining.trials import run_trial
     from tstar_rl.checks import InvalidValueError
-    from tstar_rl.config.build import environment, load_demonstrations, new_skill, skill_training
+    from tstar_rl.config.build import (
+        environment,
+        load_demonstrations,
+        new_skill,
+        new_spirl_agent,
+        skill_training,
+    )
     from tstar_rl.config.chain import chain_turns, load_skills, trial_env
     from tstar_rl.config.compose import compose
     from tstar_rl.config.load import recipe
@@ -93,6 +99,7 @@ HOMES = {
     "load_demonstrations": "config.build",
     "load_skills": "config.chain",
     "new_skill": "config.build",
+    "new_spirl_agent": "config.build",
     "outcome_loss": "signal_equations",
     "plain": "config.values",
     "recipe": "config.load",
@@ -154,6 +161,7 @@ __all__ = [
     "load_demonstrations",
     "load_skills",
     "new_skill",
+    "new_spirl_agent",
     "outcome_loss",
     "plain",
     "recipe",

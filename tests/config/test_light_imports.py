@@ -11,9 +11,9 @@ HEAVY = "print(*sorted({'torch', 'mujoco', 'pandas'} & set(sys.modules)), file=s
 """The line of a script that says what it has imported."""
 LIGHT = (
     *("bc", "ppo", "gail", "gail_ppo", "policy_sequencing", "tstar", "floored", "refitted", "recover"),
-    *("feasibility", "hand_over_value", "proximity", "scar_like"),
+    *("spirl", "feasibility", "hand_over_value", "proximity", "scar_like"),
 )
-"""Recipes that say `import tstar_rl as rl` and nothing else of the library."""
+"""Recipes that say `import tstar_rl as rl`, and nothing else of the library that loads TorchRL."""
 
 
 def imported(script: str, folder: Path) -> str:

@@ -146,7 +146,7 @@ class SpirlTraining:
         """Logs a row of the first stage, in which no environment step is taken."""
         self.run.log(0, **row)
 
-    def keep(self, name: str) -> None:
+    def save(self, name: str) -> None:
         """Saves the agent as the checkpoint `name`."""
         self.agent.save(self.run.work / name, **self.run.origin, env_steps=self.steps)
 
@@ -162,12 +162,12 @@ class SpirlTraining:
             self.steps += int(rollout["next", "latent_steps"].sum())
             yield rollout
         self.collection.close()
-        self.keep("last")
+        self.save("last")
         self.run.finish()
 
     def log(self, rollout: TensorDictBase, log: Mapping[str, float]) -> None:
         """Logs a rollout (N, 1) with its rewards, keeps the agent if it is the best so far, saves if it is time."""
         self.run.log(self.steps, **rollout_metrics(rollout), **log, **self.collection.counts())
         if self.run.best.improved:
-            self.keep("best")
+            self.save("best")
         self.run.save_if_due(self.save_every)

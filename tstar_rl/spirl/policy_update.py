@@ -6,7 +6,7 @@ from typing import Any
 import torch
 from tensordict import TensorDictBase
 from torch import Tensor, nn
-from torchrl.data import ReplayBuffer
+from torchrl.data import LazyTensorStorage, ReplayBuffer, TensorDictReplayBuffer
 from torchrl.envs import ExplorationType, set_exploration_type
 from torchrl.modules import ProbabilisticActor, ValueOperator
 from torchrl.objectives import SACLoss, SoftUpdate
@@ -16,7 +16,13 @@ from tstar_rl.equations import divergence_dual_loss, gaussian_kl, prior_regulari
 from tstar_rl.spirl.agent import SpirlAgent
 from tstar_rl.spirl.model import LatentCritic, make_latent_critic
 
-__all__ = ["TRANSITION", "LatentPolicySettings", "LatentPolicyUpdate", "PriorRegularisedSACLoss"]
+__all__ = [
+    "TRANSITION",
+    "LatentPolicySettings",
+    "LatentPolicyUpdate",
+    "PriorRegularisedSACLoss",
+    "new_buffer",
+]
 
 TRANSITION = (
     "observation",
@@ -25,6 +31,11 @@ TRANSITION = (
 )
 """What the replay buffer keeps of a latent that was played: s, z, s', the summed reward, and how it ended."""
 CRITIC_LOSSES = ("smooth_l1", "l2")
+
+
+def new_buffer(capacity: int) -> TensorDictReplayBuffer:
+    """A replay buffer for so many rows of `TRANSITION`."""
+    return TensorDictReplayBuffer(storage=LazyTensorStorage(capacity))
 
 
 @dataclass(frozen=True)
