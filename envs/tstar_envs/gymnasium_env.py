@@ -95,10 +95,8 @@ class GymnasiumEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         """
         snapshot = read_options(self.world, options, ("snapshot",)).get("snapshot")
         super().reset(seed=seed)
-        self._playing = (
-            self._playing and snapshot is not None
-        )  # where none can begin, there is none to step; a
-        # snapshot that is refused leaves the one that is under way
+        # Where no episode can begin, there is none to step; a snapshot that is refused leaves the one under way.
+        self._playing = self._playing and snapshot is not None
         begin(self.world, seed, snapshot)
         self._playing = True
         return self._observe()

@@ -85,7 +85,7 @@ class GymnasiumVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         options = read_options(self.world, options, ("snapshot", "reset_mask"))
         mask = self._read_mask(options.get("reset_mask"))
         super().reset(seed=seed)
-        if "snapshot" not in options:  # one that is refused leaves the episodes that are under way
+        if options.get("snapshot") is None:  # one that is refused leaves the episodes that are under way
             self._ended, self._begun = self._ended | mask, self._begun & ~mask  # while no episode can begin
         begin(self.world, seed, options.get("snapshot"), mask)
         self._ended, self._begun = self._ended & ~mask, self._begun | mask

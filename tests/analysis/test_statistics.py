@@ -82,6 +82,8 @@ def test_pairs_stay_together():
     assert found.p_value < 1e-5
     alike = ours.paired_difference(first, {seed: [float(seed)] for seed in range(5)}, rng())
     assert (alike.low, alike.high) == pytest.approx((0.1, 0.1)) and alike.verdict() == "no spread"
+    six = ours.paired_difference(*({seed: [value] for seed in range(6)} for value in (0.3, 0.2)), rng())
+    assert (six.t_half, six.p_value, six.verdict()) == (0.0, pytest.approx(1 / 32), "higher")
     assert ours.paired_difference(second, first, rng()).verdict() == "lower"
     same = ours.paired_difference(first, first, rng())
     assert (same.value, same.p_value) == (0.0, 1.0)

@@ -59,7 +59,7 @@ def test_where_every_seed_wins_the_interval_is_newcombes():
     assert ours.improvement_over_tasks([high], [low], rng()) == (1.0, least, 1.0)
     assert ours.improvement_over_tasks([low], [high], rng()) == (0.0, 0.0, 1 - least)
     both = ours.improvement_over_tasks([high, high[:1]], [low, low[:1]], rng())
-    assert both.low == pytest.approx((least + ours.least_when_all_win(1, 1)) / 2)
+    assert both.low == pytest.approx(1 - np.hypot(1 - least, 1 - ours.least_when_all_win(1, 1)) / 2)
 
 
 def test_tasks_of_more_seeds_do_not_weigh_more():

@@ -56,6 +56,8 @@ class Workshop:
 def test_turns_train_it_and_its_skills_come_back(tmp_path):
     networks = rl.NetworkSettings(hidden=(8,), discriminator_hidden=(8,), std="fixed")
     skills = [rl.Skill("push", k, networks, capacity=32, obs_dim=OBSERVED, actions=ACTIONS) for k in range(4)]
+    for skill in skills:
+        skill.policy[0][1].module[0][-1].bias.data[0] = 2.0  # it walks to where its subtask ends
     expert = SimpleNamespace(observations=torch.rand(8, OBSERVED), actions=torch.zeros(8, sum(ACTIONS)))
     workshop = Workshop()
     folders = {"results_dir": str(tmp_path / "results"), "runs_dir": str(tmp_path / "runs")}
@@ -95,14 +97,16 @@ def test_turns_train_it_and_its_skills_come_back(tmp_path):
         ),
     )
     reward = rl.weighted(rl.RewardMixture({"env": 1.0}), {})
-    trained = []
+    trained, chained = [], []
     for turn in chain_turns(chain):
         update = turn.policy_update()
         for rollout in turn.rollouts():
             assert rollout["action"].shape == (8, 4, 3)
+            turn.skill.termination_set.extend_from(rollout)
+            chained.append(turn.index > 0 and bool(rollout["start_chained"].any()))
             turn.log(rollout, update(reward(rollout), turn.progress))
         trained.append(turn.index)
-    assert trained == [0, 1, 2, 3]
+    assert trained == [0, 1, 2, 3] and any(chained)
     deviations = skills[0].policy(rl.with_starts(Pushing(8, 0, 0)).reset())["scale"][0]
     torch.testing.assert_close(deviations, torch.tensor([0.1, 0.1, 0.1]))
     last = tmp_path / "runs/push/mine/seed0/last/skill0"

@@ -12,10 +12,10 @@ from tstar_rl.updates import DiscriminatorSettings
 
 
 class Counter:
-    """Counts its rollouts."""
+    """Counts its rollouts. It draws weights, as an update with a network of its own does."""
 
     def __init__(self) -> None:
-        self.count = 0
+        self.count, self.network = 0, torch.nn.Linear(4, 4)
 
     def state_dict(self) -> dict[str, int]:
         return {"count": self.count}
@@ -85,6 +85,13 @@ def test_networks_that_a_turn_trains_of_any_skill_are_put_back(point_chain, monk
     assert not any(bool((values == 7.0).all()) for values in first.network("further").parameters())
 
 
+@pytest.mark.parametrize("name", ["policy", "f_phi"])
+def test_a_name_of_an_update_that_is_there_is_refused(point_chain, monkeypatch, name):
+    monkeypatch.setattr(TurnUpdates, "policy_update", lambda turn: turn.keep(name, Counter))
+    with pytest.raises(InvalidValueError, match=f"{name} has an update of the library's"):
+        point_chain("policy_sequencing", "chain.gate=false", "chain.links=2")
+
+
 def test_what_has_no_state_is_refused(point_chain, monkeypatch):
     monkeypatch.setattr(TurnUpdates, "policy_update", lambda turn: turn.keep("mine", lambda: torch.zeros(1)))
     with pytest.raises(InvalidValueError, match=r"keep\('mine'\) takes .* state_dict .*; Tensor lacks one"):
@@ -97,7 +104,7 @@ def test_a_floor_that_a_network_was_not_made_with_is_told(point_chain, monkeypat
 
     def asked_for_before(turn):
         turn.skill.network("further")
-        with pytest.raises(InvalidValueError, match="made with a floor of None, and 0.02 is asked for"):
+        with pytest.raises(InvalidValueError, match="has a floor of None, and 0.02 is asked for"):
             turn.skill.network("further", 0.02)
         turn.skill.network("another", 0.02)
         assert turn.skill.network("another", 0.02) is turn.skill.network("another")

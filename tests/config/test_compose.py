@@ -27,12 +27,17 @@ def test_values_are_those_of_the_command_line():
         (["tstar", "sed=1"], ConfigError, "the config has no sed; .*did you mean seed"),
         (["tstar", "chain.rounds=0"], ConfigError, "chain.rounds must be a whole number from 1, got 0"),
         (["tstar", "scale=lptop"], ConfigError, "scale must be one of ablation, .*did you mean laptop"),
+        (["tstar", "terminal_reward.momentum=0.5"], ConfigError, r"write \+terminal_reward.momentum="),
         (["tstar", "a b"], ConfigError, "cannot read 'a b': write key=value"),
     ],
 )
 def test_mistakes_are_told_as_on_the_command_line(values, kind, message):
     with pytest.raises(kind, match=message):
         rl.compose(*values)
+
+
+def test_every_recipe_has_one():
+    assert rl.compose("bench").bench.rounds > 0 and rl.compose("bench_growth").growth.steps > 0
 
 
 def test_a_program_with_configs_of_its_own_keeps_them():

@@ -56,6 +56,20 @@ def test_keys_of_all_recipes_and_types_of_its_own_are_checked(mine):
         check_config(config, "mine")
 
 
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("subtask", 2, "subtask must be null, got 2"),
+        ("from_checkpoint", "lst", "from_checkpoint must be one of last, best"),
+    ],
+)
+def test_what_no_chain_reads_is_refused_in_a_recipe_of_its_own_too(mine, key, value, message):
+    config = mine("policy_sequencing")
+    config[key] = value
+    with pytest.raises(ConfigError, match=message):
+        check_config(config, "mine")
+
+
 def test_a_term_of_its_own_may_be_all_that_is_paid(mine):
     config = mine("gail_ppo", "subtask=0")
     config.reward.weights = {"env": 0.0, "gail": 0.0, "tsr": 0.0, "up": 1.0}

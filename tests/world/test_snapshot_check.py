@@ -24,12 +24,12 @@ def chair() -> TensorDict:
     return make(2, 0, name=CHAIR).snapshot()
 
 
-def stretched(physics: torch.Tensor) -> torch.Tensor:
-    """The second row with the first part's quaternion times 3; nine joints and its position stand before it."""
+def stretched(physics: torch.Tensor, by: float = 3.0) -> torch.Tensor:
+    """The second row with the first part's quaternion times `by`; nine joints and its position stand before it."""
     time, joints, position = 1, 9, 3
     first = time + joints + position
     return torch.cat([physics[:1], physics[1:].index_put((torch.tensor(0), torch.arange(first, first + 4)),
-                                                         3 * physics[1, first : first + 4])])  # fmt: skip
+                                                         by * physics[1, first : first + 4])])  # fmt: skip
 
 
 def starts(snapshot: TensorDict, *use: bool) -> TensorDict:
@@ -114,6 +114,7 @@ def test_finished_pieces_are_told_apart_by_what_their_welds_join():
         (lambda s: s.set(("task", "reward"), torch.tensor([0, torch.nan]).double()),
          "'task.reward' .* is not finite in simulation 1"),
         (lambda s: s.set("physics", stretched(s["physics"])), "quaternion .* in simulation 1 has length 3, not 1"),
+        (lambda s: s.set("physics", stretched(s["physics"], 0.5)), "quaternion .* has length 0.5, not 1"),
     ],
 )  # fmt: skip
 def test_what_is_missing_or_of_another_shape_is_named(table, change, message):

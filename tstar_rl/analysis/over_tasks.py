@@ -132,12 +132,10 @@ def skills_of_tasks(experiment: Experiment, arm: str) -> dict[str, list[float]]:
         if len(skills):
             skills = skills[(skills["task"] == task) & (skills["arm"] == source) & skills["seed"].isin(seeds)]
             skills = skills[(skills["checkpoint"] == "last") & (skills["mode"] == "deterministic")]
-        found[task] = skills.groupby("subtask")["success"].mean().tolist() if _all_tried(runs, skills) else []
+        links = sum(str(name).startswith("subtask_") and runs[name].notna().any() for name in runs)
+        skills = skills[skills["subtask"] < links] if len(skills) else skills
+        all_tried = len(skills) and {*zip(skills["subtask"], skills["seed"], strict=True)} >= {
+            (subtask, seed) for subtask in range(links) for seed in seeds
+        }
+        found[task] = skills.groupby("subtask")["success"].mean().tolist() if all_tried else []
     return found
-
-
-def _all_tried(runs: pd.DataFrame, skills: pd.DataFrame) -> bool:
-    """Whether each subtask that some run did or failed has a skill tried alone on every seed of `runs`."""
-    links = [name for name in runs if str(name).startswith("subtask_") and runs[name].notna().any()]
-    tried = set() if skills.empty else set(zip(skills["subtask"], skills["seed"], strict=True))
-    return tried >= {(subtask, seed) for subtask in range(len(links)) for seed in runs["seed"]}

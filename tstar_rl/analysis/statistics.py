@@ -36,6 +36,8 @@ __all__ = [
 Array = NDArray[np.floating]
 Scores = Sequence[ArrayLike]  # (episodes,) of each seed
 RESAMPLES = 5_000
+AGREED = 6
+"""Seeds that agree in sign, from which on the two-sided sign test has p < .05."""
 DIGITS = 12
 """Of means. Sums of thirds or sevenths hang on their order in the last digits, and a tie is to be one."""
 
@@ -55,15 +57,15 @@ class Difference(NamedTuple):
     low: float
     high: float
     t_half: float
-    """Half of Student's 95% interval over seeds; nan of one seed, and where all have one difference that is not 0."""
+    """Half of Student's 95% interval over seeds; see `difference_of` where all have one difference; nan of one seed."""
     p_value: float
-    """Student's, two-sided, that the mean is 0; nan where `t_half` is."""
+    """Student's, two-sided, that the mean is 0; likewise."""
     seeds: int
 
     def verdict(self) -> str:
         """Returns "higher" or "lower" where both intervals exclude 0, else "no clear difference".
 
-        "one seed" of one, "no spread" where several seeds have one difference, from which nothing follows for others.
+        "one seed" of one, "no spread" where a few seeds have one difference, from which nothing follows for others.
         """
         if math.isnan(self.t_half):
             return "one seed" if self.seeds == 1 else "no spread"
@@ -161,11 +163,13 @@ def difference_of(values: Array, draws: Array) -> Difference:
     """Mean (seeds,) of `values` with the bootstrap's interval of its `draws`, and Student's.
 
     Progress lies on a grid, so a few seeds may have one difference. That they do not vary is then no measurement of how
-    far others would lie, and Student's test says nothing. Where all are 0 both arms did the same, and it does.
+    far others would lie, and Student's test says nothing; with `AGREED` or more the sign test does. Where all are 0
+    both arms did the same, which Student's test says.
     """
     mean, number = float(values.mean()), len(values)
     if np.ptp(values.round(DIGITS)) == 0 and np.round(mean, DIGITS):
-        return Difference(mean, *interval_ends(draws), math.nan, math.nan, number)
+        agreed = (0.0, 2 * 0.5**number) if number >= AGREED else (math.nan, math.nan)
+        return Difference(mean, *interval_ends(draws), *agreed, number)
     return Difference(mean, *interval_ends(draws), student_half(values), student_p(values), number)
 
 

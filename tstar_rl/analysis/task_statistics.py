@@ -110,7 +110,7 @@ def improvement_over_tasks(
     """Probability that a seed of `first` beats a seed of `second` on the same task, mean over tasks, with its interval.
 
     The interval is a bootstrap's. Where the probability is 0 or 1 on every task, which a bootstrap takes for certain,
-    it reaches at least as far as `least_when_all_win`, mean over tasks.
+    it reaches at least as far as `least_when_all_win` of the tasks says of their mean.
 
     Args:
         first: scores of each task. One task: `[scores]`.
@@ -137,7 +137,8 @@ def improvement_over_tasks(
     value, (low, high) = float(np.mean(values)), interval_ends(draws / len(first))
     if value in (0.0, 1.0):
         both = zip(first, second, strict=True)
-        least = float(np.mean([least_when_all_win(len(one), len(other)) for one, other in both]))
+        missing = [1.0 - least_when_all_win(len(one), len(other)) for one, other in both]
+        least = 1.0 - float(np.linalg.norm(missing)) / len(missing)  # tasks are independent
         low, high = (min(low, least), 1.0) if value else (0.0, max(high, 1.0 - least))
     return Interval(value, low, high)
 

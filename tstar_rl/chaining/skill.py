@@ -145,8 +145,8 @@ class Skill:
         has = float(found.normalizer.floor) if isinstance(found.normalizer, Standardizer) else None
         if floor is not None and (has is None or not math.isclose(has, floor, rel_tol=1e-5)):
             raise InvalidValueError(
-                f"the network {name} of skill {self.subtask} was made with a floor of {has}, and {floor} is asked for: "
-                "make the update that gives the floor before anything else asks for the network"
+                f"the network {name} of skill {self.subtask} has a floor of {has}, and {floor} is asked for: it was "
+                "saved so, or asked for before the update that gives a floor"
             )
         return found
 

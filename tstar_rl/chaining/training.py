@@ -124,14 +124,20 @@ class Training:
         To be called before the first rollout, as the other updates are.
 
         Args:
-            name: of it; another than that of another update here ("policy", or a network's).
-            make: makes a new one. Networks of a skill that it trains are saved with that skill; what else it has is in
-                its state.
+            name: of it.
+            make: makes a new one; what it draws leaves torch's generator as it was, so that a run that goes on draws as
+                one that was not stopped. Networks of a skill that it trains are saved with that skill; what else it has
+                is in its state.
 
         Raises:
-            InvalidValueError: if it has no state, see `Update`.
+            InvalidValueError: if it has no state, see `Update`, or the name is that of another update.
         """
-        made = make()
+        if name == "policy" or name in self.skill.networks:
+            raise InvalidValueError(
+                f"keep({name!r}): {name} has an update of the library's; give yours another name"
+            )
+        with torch.random.fork_rng(devices=[]):
+            made = make()
         if not all(callable(getattr(made, method, None)) for method in ("state_dict", "load_state_dict")):
             raise InvalidValueError(
                 f"keep({name!r}) takes what makes an update with state_dict and load_state_dict, so that a run goes on "
@@ -218,6 +224,8 @@ class SkillTraining(Training):
         run.finish()
 
     def _keep(self, name: str, made: AnyUpdate) -> AnyUpdate:
+        if name in self.updates:
+            raise InvalidValueError(f"the training has an {name} already: an update is made once")
         self.updates[name] = made
         return made
 

@@ -126,6 +126,10 @@ class TurnUpdates(Training):
             InvalidValueError: if it is that of another skill's network.
         """
         known = self.kept.get(f"update_{name}")
+        if known is not None and not isinstance(known, SampledUpdate):
+            raise InvalidValueError(
+                f"update_{name} is one of the recipe's own: give the network another name"
+            )
         if known is not None and known.loss.network is not skill.network(name):
             raise InvalidValueError(
                 f"a turn has one update of {name}, and it is of another skill than {skill.subtask}"

@@ -100,17 +100,14 @@ class Turn(TurnStarts):
     def _state(self) -> dict[str, Any]:
         """A copy of everything that a turn changes, but for the simulations and the returns of the episodes in them."""
         state: dict[str, Any] = {"skill": self.skill.state_dict()}
-        others = {index: self.chain.skills[index].network_state() for index in self._others()}
-        state["others"] = others
+        state["others"] = {
+            index: skill.network_state()
+            for index, skill in enumerate(self.chain.skills)
+            if skill is not self.skill
+        }
         updates = {name: each.state_dict() for name, each in self.kept.items() if name != "collection"}
         updates.get("update_policy", {}).pop("carried", None)
         return deepcopy(state | updates)
-
-    def _others(self) -> set[int]:
-        """The other skills that have networks which this turn trains: the next one, and whose an update was made of."""
-        taught = {int(place.partition("/")[0]) for place in self.taught}
-        following = set() if self.following is None else {self.index + 1}
-        return (taught | following) - {self.index}
 
     def _undo(self) -> None:
         """Puts back what the turn has changed; what it is now can be loaded again."""

@@ -196,13 +196,14 @@ def skill_training(
     Args:
         config: of a recipe that trains one policy.
         expert: demonstrations; None: those that config.demonstrations names.
-        starts: what training.demonstration_starts of the episodes begin in; None: states of the demonstrations.
+        starts: what training.demonstration_starts of the episodes begin in, and go on from as their own episodes did
+            (see goes_on of `SkillChainReset`); None: states of the demonstrations.
     """
     subtask, steps = config.subtask, config.training.total_steps
     run = Run(plain(config), subtask, steps, unread=CHAINING)
     seed = derive_seed(config.seed, "train", subtask)
     skill = new_skill(config, subtask)
-    expert = load_demonstrations(config, subtask) if expert is None else expert
+    expert = load_demonstrations(config, subtask) if expert is None else expert.to(config.device)
     skill.normalizer.fit(expert.observations, config.normalizer.floor)
 
     def save(name: str, env_steps: int) -> None:

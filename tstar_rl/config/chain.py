@@ -53,6 +53,8 @@ def chain_turns(config: DictConfig, experts: Sequence[Demonstrations] | None = N
     skills = load_skills(config, checkpoint=config.from_checkpoint)
     if experts is None:
         experts = [load_demonstrations(config, index) for index in range(len(skills))]
+    else:
+        experts = [expert.to(config.device) for expert in experts]
     if len(experts) != len(skills):
         raise InvalidValueError(
             f"a chain of {len(skills)} skills needs demonstrations of each, got {len(experts)}"

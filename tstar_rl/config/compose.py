@@ -1,5 +1,7 @@
 """The config of a recipe without its command line: in a notebook, a test, a program of one's own."""
 
+from functools import partial
+
 from hydra import compose as hydra_compose
 from hydra import initialize_config_dir
 from hydra.core.global_hydra import GlobalHydra
@@ -24,9 +26,11 @@ def compose(recipe: str, *values: str) -> DictConfig:
         values: as on the command line: "seed=1", "chain.rounds=2".
 
     Raises:
-        InvalidValueError: if there is no such recipe.
+        InvalidValueError: if there is no such recipe, or no clone.
         ConfigError: for a value that the command line would refuse, in the same words.
     """
+    if not CONFIGS.is_dir():
+        raise InvalidValueError(f"recipes need a clone, installed with pip install -e: there is no {CONFIGS}")
     known = sorted(path.stem for path in (CONFIGS / "recipe").glob("*.yaml"))
     if recipe not in known:
         raise InvalidValueError(
@@ -38,9 +42,8 @@ def compose(recipe: str, *values: str) -> DictConfig:
         with initialize_config_dir(str(CONFIGS), version_base="1.3"):
             config = hydra_compose(f"recipe/{recipe}", list(values))
     except (HydraException, OmegaConfBaseException) as error:
-        raise ConfigError(
-            in_words(error, CONFIGS, recipe, lambda config: check_config(config, recipe))
-        ) from None
+        check = partial(check_config, name=recipe)
+        raise ConfigError(in_words(error, CONFIGS, recipe, check, values)) from None
     finally:
         GlobalHydra.instance().hydra = around
     check_config(config, recipe)

@@ -69,7 +69,11 @@ def recipe(name: str, **own: Any) -> Callable[[Callable[[DictConfig], None]], Ca
 def own_keys(name: str) -> dict[str, Any]:
     """The keys that only the recipe `name` has, and their types; where it is not what runs here, its file is read."""
     if name not in OWN_KEYS:
-        runpy.run_path(str(RECIPES / f"{name}.py"))
+        sys.path.insert(0, str(RECIPES))  # some recipes import their parts from there
+        try:
+            runpy.run_path(str(RECIPES / f"{name}.py"))
+        finally:
+            sys.path.remove(str(RECIPES))
     return OWN_KEYS[name]
 
 
@@ -126,7 +130,8 @@ def check_config(config: DictConfig, name: str) -> None:
     values, own = plain(config), own_keys(name)
     check(values, Config, "", own)
     if name not in OURS:  # what a key of a user's own recipe may be, only that recipe knows
-        values = {key: value for key, value in values.items() if own.get(key, Section) is Section}
+        ours = {key for key, kind in own.items() if kind is Section or key == "from_checkpoint"}
+        values = {key: value for key, value in values.items() if key not in own or key in ours}
     check_ranges_of(values)
     check_what_is_not_read(values, name)
     if "torchrl" not in sys.modules:

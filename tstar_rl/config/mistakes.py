@@ -2,7 +2,7 @@
 
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
@@ -21,11 +21,22 @@ __all__ = ["Check", "in_words", "must_be", "options"]
 Check = Callable[[DictConfig], None]
 
 
-def in_words(error: Exception, configs: Path, name: str, check: Check) -> str:
-    """What the command line should have been."""
+def in_words(
+    error: Exception, configs: Path, name: str, check: Check, given: Sequence[str] | None = None
+) -> str:
+    """What the command line should have been.
+
+    Args:
+        error: Hydra's.
+        configs: the folder of the configs.
+        name: of the recipe.
+        check: raises for a config with a key that is not known.
+        given: the values; None: those of the command line.
+    """
+    given = sys.argv[1:] if given is None else given
     text = " ".join(str(error).split())
     if isinstance(error, MissingConfigException) and error.missing_cfg_file:
-        return _missing_file(Path(error.missing_cfg_file), configs, name)
+        return _missing_file(Path(error.missing_cfg_file), configs, name, given)
     if isinstance(error, OverrideParseException):
         return (
             f"cannot read {error.override!r}: write key=value, lists as [1,2], null for nothing, and a value with "
@@ -33,7 +44,7 @@ def in_words(error: Exception, configs: Path, name: str, check: Check) -> str:
         )
     unknown = re.match(r"Could not override '([^']+)'", text)
     if unknown:
-        return _unknown_key(unknown[1], configs, name, check)
+        return _unknown_key(unknown[1], configs, name, check, given)
     cause = error.__cause__ if isinstance(error, CompactHydraException) else None
     return f"{text} ({' '.join(str(cause).split())})" if cause and str(cause) not in text else text
 
@@ -48,7 +59,7 @@ def must_be(group: str, valid: list[str]) -> str:
     return f"{group} must be one of {', '.join(valid)} (files of configs/{group})"
 
 
-def _missing_file(missing: Path, configs: Path, name: str) -> str:
+def _missing_file(missing: Path, configs: Path, name: str, given: Sequence[str]) -> str:
     """For an option that a group has no file for, or a recipe (`name`) without one."""
     group, option = missing.parent.as_posix(), missing.name.removesuffix(".yaml")
     if missing == Path("recipe", name):
@@ -62,14 +73,14 @@ def _missing_file(missing: Path, configs: Path, name: str) -> str:
         return f"there is no {missing} in {configs}; its folders are {', '.join(groups)}"
     file = configs / "recipe" / f"{name}.yaml"  # not there: of a recipe of a user's own, from --config-dir
     chosen = file.read_text() if file.is_file() else ""
-    given = any(text.startswith(f"{group}=") for text in sys.argv[1:])
-    if f"/{group}: ${{scale}}" in chosen and not given:
+    asked = any(text.startswith(f"{group}=") for text in given)
+    if f"/{group}: ${{scale}}" in chosen and not asked:
         has = f"{group}={option} has no file in configs/{group}, where the recipe {name} looks for the scale's name"
         return f"{has}; scales with one are {', '.join(valid)}; or choose one beside your scale: {group}={valid[0]}"
     return f"{group}={option}: {must_be(group, valid)}{did_you_mean(option, valid)}"
 
 
-def _unknown_key(key: str, configs: Path, name: str, check: Check) -> str:
+def _unknown_key(key: str, configs: Path, name: str, check: Check, given: Sequence[str]) -> str:
     """For a key that the recipe's config does not have: what `check` says of it, or how to add it."""
     groups = [path.name for path in configs.iterdir() if path.is_dir()]
     if key in groups:
@@ -84,18 +95,19 @@ def _unknown_key(key: str, configs: Path, name: str, check: Check) -> str:
         there = OmegaConf.select(config, section) if section else config
         near = did_you_mean(last, [*there]) if isinstance(there, DictConfig) else ""
         with open_dict(config):
-            OmegaConf.update(config, key, _given(key), force_add=True)
+            OmegaConf.update(config, key, _given(key, given), force_add=True)
         check(config)
     except UserError as error:
         return f"{error} (of the recipe {name})"
     except MissingConfigException:  # a user's own, whose values lie elsewhere
-        return f"the config of {name} has no {key}"
+        said = f"the file of {name}'s values has no {key}; a field that is declared all the same takes a +"
+        return f"{said}: +{key}=..."
     except (OmegaConfBaseException, TypeError) as error:  # the key goes through something that is no section
         return f"the config of {name} has no {key}: {' '.join(str(error).split())}"
     return f"{key} is valid, but not set in the configs of {name}: write +{key}=...{near}"
 
 
-def _given(key: str) -> Any:
-    """The value of a key on the command line."""
-    texts = [text.split("=", 1)[1] for text in sys.argv[1:] if text.startswith(f"{key}=")]
+def _given(key: str, given: Sequence[str]) -> Any:
+    """The value of a key among those given."""
+    texts = [text.split("=", 1)[1] for text in given if text.startswith(f"{key}=")]
     return OverridesParser.create().parse_override(f"{key}={texts[-1]}").value() if texts else None

@@ -44,13 +44,13 @@ def names() -> tuple[str, ...]:
 
 def _folders() -> list[Path]:
     """The package's own, and those that the user has named."""
-    further = [Path(one) for one in os.environ.get(FURTHER, "").split(os.pathsep) if one]
+    further = [Path(one).expanduser() for one in os.environ.get(FURTHER, "").split(os.pathsep) if one]
     for folder in further:
         if not folder.is_dir():
             raise FurnitureError(
                 f"{FURTHER} names {folder}, which is no folder; it names folders of furniture files"
             )
-    return [DATA, *further]
+    return list({folder.resolve(): folder for folder in (DATA, *further)}.values())
 
 
 def is_name(name: str) -> bool:

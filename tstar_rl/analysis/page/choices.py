@@ -27,7 +27,7 @@ def choice_table(experiment: Experiment, paper: Paper, entry: Entry, task: str) 
         )
         small = all(
             abs(end) < SMALL for end in (low, high, mean - half, mean + half)
-        )  # one seed: half is nan
+        )  # half is nan where Student says nothing
         student = NOTHING if math.isnan(half) else f"{mean - half:+.2f} to {mean + half:+.2f}"
         verdict = f"within {SMALL} of zero" if small else str(row.verdict)
         lines.append([said, signed_interval(mean, low, high), student, str(row.seeds), verdict])

@@ -4,9 +4,8 @@ const SUBTASK_COLOURS = ["#4f8fc4", "#d98a2b", "#4ea36f", "#b5679b", "#8f7fd0", 
 const LABELS = 62; // px, left of the rows
 const ROW = { subtask: 18, phase: 34, reward: 44, series: 34, gap: 5 };
 
-// Of numbers, 0 and 1. A long episode has more of them than a call may have arguments.
-function range(values) {
-  let [least, most] = [0, 1];
+// Of numbers and these two. A long episode has more numbers than a call may have arguments.
+function range(values, least, most) {
   for (const value of values) {
     if (value === null) continue;
     least = Math.min(least, value);
@@ -87,7 +86,7 @@ class Timeline {
   }
 
   phases(episode, top, height, names) {
-    const count = Math.max(names.length, range(episode.phase)[1] + 1);
+    const count = Math.max(names.length, range(episode.phase, 0, 0)[1] + 1);
     for (let step = 0; step < episode.steps; step++) {
       const high = (height * (episode.phase[step] + 1)) / count;
       this.pen.fillStyle = SUBTASK_COLOURS[episode.subtask[step] % SUBTASK_COLOURS.length];
@@ -99,7 +98,7 @@ class Timeline {
   // Bonuses are a thousand times the rest, so heights are logarithmic away from zero.
   rewards(episode, top, height) {
     const tall = (value) => Math.sign(value) * Math.log10(1 + Math.abs(value));
-    const [least, most] = range(episode.reward).map(tall);
+    const [least, most] = range(episode.reward.map(tall), 0, 1);
     const y = (value) => top + (height * (most - value)) / (most - least);
     this.pen.fillStyle = this.colour("reward");
     episode.reward.forEach((value, step) => {
@@ -110,7 +109,7 @@ class Timeline {
   }
 
   points(values, top, height) {
-    const [least, most] = range(values);
+    const [least, most] = range(values, 0, 1);
     const y = (value) => top + 4 + ((height - 8) * (most - value)) / (most - least);
     this.line(y(0));
     this.line(y(1));
