@@ -79,7 +79,11 @@ def test_the_page_says_which_skills_are_learned(published, arms):
 
 
 def test_a_rule_with_a_field_missing_is_refused(published):
-    odd = {"folder": "odd", "kind": "experiment", "learned": {"mean": 0.95, "worst": 0.9}}
-    contents(published, [odd, {"folder": "plain", "kind": "paper"}])
-    with pytest.raises(ValueError, match="learned has mean, lowest, .* needs mean, lowest, seeds; .* worst"):
-        read_contents(published)
+    for learned, message in (
+        ({"mean": 0.95, "worst": 0.9}, "learned has no worst; it has mean, lowest, seeds"),
+        ({"mean": 0.95}, "learned lacks lowest, which must be a number"),
+    ):
+        odd = {"folder": "odd", "kind": "experiment", "learned": learned}
+        contents(published, [odd, {"folder": "plain", "kind": "paper"}])
+        with pytest.raises(ValueError, match=message):
+            read_contents(published)
