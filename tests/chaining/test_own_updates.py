@@ -92,6 +92,18 @@ def test_a_name_of_an_update_that_is_there_is_refused(point_chain, monkeypatch, 
         point_chain("policy_sequencing", "chain.gate=false", "chain.links=2")
 
 
+def test_a_network_called_as_an_update_of_ones_own_is_refused(point_chain, monkeypatch):
+    def both(turn):
+        turn.keep("further", Counter)
+        turn.discriminator_update(
+            "further", turn.skill, DiscriminatorSettings(), initiation=1.0, termination=0.0
+        )
+
+    monkeypatch.setattr(TurnUpdates, "policy_update", both)
+    with pytest.raises(InvalidValueError, match="update_further is one of the recipe's own"):
+        point_chain("policy_sequencing", "chain.gate=false", "chain.links=2")
+
+
 def test_what_has_no_state_is_refused(point_chain, monkeypatch):
     monkeypatch.setattr(TurnUpdates, "policy_update", lambda turn: turn.keep("mine", lambda: torch.zeros(1)))
     with pytest.raises(InvalidValueError, match=r"keep\('mine'\) takes .* state_dict .*; Tensor lacks one"):

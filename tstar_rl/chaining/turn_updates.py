@@ -123,10 +123,10 @@ class TurnUpdates(Training):
         """The update of a name that is there already, or None.
 
         Raises:
-            InvalidValueError: if it is that of another skill's network.
+            InvalidValueError: if it is that of another skill's network, or one of the recipe's own.
         """
         known = self.kept.get(f"update_{name}")
-        if known is not None and not isinstance(known, SampledUpdate):
+        if known is not None and not isinstance(known, (DiscriminatorUpdate, LabelledUpdate)):
             raise InvalidValueError(
                 f"update_{name} is one of the recipe's own: give the network another name"
             )
