@@ -92,6 +92,18 @@ def test_a_name_of_an_update_that_is_there_is_refused(point_chain, monkeypatch, 
         point_chain("policy_sequencing", "chain.gate=false", "chain.links=2")
 
 
+def test_the_policys_update_is_not_handed_out_for_ones_own(point_chain, monkeypatch):
+    policy_update = TurnUpdates.policy_update
+
+    def after_it(turn):
+        policy_update(turn)
+        return turn.keep("policy", Counter)
+
+    monkeypatch.setattr(TurnUpdates, "policy_update", after_it)
+    with pytest.raises(InvalidValueError, match="policy has an update of the library's"):
+        point_chain("policy_sequencing", "chain.gate=false", "chain.links=2")
+
+
 def test_a_network_called_as_an_update_of_ones_own_is_refused(point_chain, monkeypatch):
     def both(turn):
         turn.keep("further", Counter)

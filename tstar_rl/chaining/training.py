@@ -136,6 +136,8 @@ class Training:
             raise InvalidValueError(
                 f"keep({name!r}): {name} has an update of the library's; give yours another name"
             )
+        if (known := self._carried(name)) is not None:
+            return known
         with torch.random.fork_rng(devices=[]):
             made = make()
         if not all(callable(getattr(made, method, None)) for method in ("state_dict", "load_state_dict")):
@@ -144,6 +146,10 @@ class Training:
                 f"where it stopped; {type(made).__name__} lacks one"
             )
         return self._keep(f"update_{name}", made)
+
+    def _carried(self, name: str) -> Any:
+        """The update of that name that a turn before has kept, where a chain carries over; None: there is none."""
+        return None
 
     def _keep(self, name: str, made: AnyUpdate) -> AnyUpdate:
         """Keeps an update, so that a checkpoint has its state; returns it."""

@@ -114,10 +114,8 @@ class TurnUpdates(Training):
             )
         return self.kept.get("update_policy") or super().policy_update()
 
-    def keep(self, name: str, make: Callable[[], AnyUpdate]) -> AnyUpdate:
-        """See `Training`; where a chain carries over, that of the skill's last turn goes on."""
-        known = self.kept.get(f"update_{name}")
-        return super().keep(name, make) if known is None else known
+    def _carried(self, name: str) -> Any:
+        return self.kept.get(f"update_{name}")
 
     def _known(self, name: str, skill: Skill) -> Any:
         """The update of a name that is there already, or None.
@@ -125,7 +123,7 @@ class TurnUpdates(Training):
         Raises:
             InvalidValueError: if it is that of another skill's network, or one of the recipe's own.
         """
-        known = self.kept.get(f"update_{name}")
+        known = self._carried(name)
         if known is not None and not isinstance(known, (DiscriminatorUpdate, LabelledUpdate)):
             raise InvalidValueError(
                 f"update_{name} is one of the recipe's own: give the network another name"
