@@ -61,10 +61,8 @@ def main(config: DictConfig) -> None:
     _check(lanes, code)
     try:
         run_side_by_side(lanes, (), config.processes, run)
-    except (
-        SystemExit
-    ) as stop:  # where one lane failed, what the others have finished is published all the same
-        stopped = stop
+    except SystemExit as stop:
+        stopped = stop  # what the other lanes have finished is published all the same
     if config.publish:
         first = [*declared.shared(*declared.lanes()[0]), *passed_on(OWN)]
         results = step_config(("gail_ppo",), first).results_dir

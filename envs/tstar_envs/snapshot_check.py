@@ -89,7 +89,7 @@ class SnapshotCheck:
 
         Raises:
             ValueError: a subtask or phase is none of this furniture's, a count is negative, a number is not finite, or
-            a part's quaternion is not of length 1.
+                a part's quaternion is not of length 1.
         """
         steps = self.tables.num_steps
         for name, most in (("subtask", steps), ("phase", len(PHASES) - 1)):
