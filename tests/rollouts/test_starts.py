@@ -10,8 +10,10 @@ from tstar_rl.rollouts.starts import (
     MixedStarts,
     check_shares,
     gaussian_counts,
+    load_state_of_sources,
     make_starts,
     start_counts,
+    state_of_sources,
     termination_sets,
 )
 from tstar_rl.rollouts.state_sets import TerminationSet
@@ -153,3 +155,35 @@ def test_wrong_shares_are_named(shares, message):
 def test_a_mixture_needs_a_share_for_each_source():
     with pytest.raises(ValueError, match=r"got 1 sources, shares \[0.5, 0.5\]"):
         MixedStarts([At(0.25)], [0.5, 0.5])
+
+
+class Further(At):
+    """A curriculum: every call begins a tenth further on."""
+
+    def sample(self, n, generator):
+        self.position += 0.1
+        return super().sample(n, generator)
+
+    def state_dict(self):
+        return {"position": self.position}
+
+    def load_state_dict(self, state):
+        self.position = state["position"]
+
+
+def test_a_source_that_changes_is_saved_and_goes_on(make_env):
+    """Beside one that says nothing of itself, and a set that is saved with its skill."""
+
+    def env_from(position: float) -> tuple[TransformedEnv, Further]:
+        changing = Further(position)
+        source = MixedStarts([At(0.5), changing, reached(0.7)], [0.3, 0.4, 0.3])
+        return with_starts(make_env(num_envs=30), source, 1.0), changing
+
+    (first, moved), (second, still) = env_from(0.1), env_from(0.1)
+    first.reset()
+    states = state_of_sources(first)
+    assert states == [{"position": pytest.approx(0.2)}]
+    load_state_of_sources(second, states)
+    assert still.position == moved.position
+    load_state_of_sources(second, [])  # what a run of before has kept
+    assert still.position == moved.position

@@ -32,6 +32,7 @@ __all__ = [
     "Experiment",
     "arm_scores",
     "arm_table",
+    "chain_length",
     "compare_arms",
     "hand_over_gaps",
     "product_of_skills",
@@ -235,6 +236,11 @@ def hand_over_gaps(experiment: Experiment, task: str, checkpoint: str = "last") 
     return pd.DataFrame(lines)
 
 
+def chain_length(run: pd.Series) -> int:
+    """Skills of the chain of a run, a row of `Experiment.chosen`; it may be shorter than the task."""
+    return sum(str(name).startswith("subtask_") and not pd.isna(run[name]) for name in run.index)
+
+
 def _by_run(table: pd.DataFrame, task: str) -> dict[tuple[Any, ...], pd.DataFrame]:
     """The rows of each arm, seed and checkpoint, a skill each, in their order."""
     if table.empty:
@@ -245,6 +251,6 @@ def _by_run(table: pd.DataFrame, task: str) -> dict[tuple[Any, ...], pd.DataFram
 
 def _of_whole_chain(skills: pd.DataFrame, column: str, run: pd.Series) -> list[float]:
     """A column of the skills of a run's chain, which may be shorter than the task; empty where one is lacking."""
-    chained = sum(not pd.isna(run[name]) for name in run.index if str(name).startswith("subtask_"))
-    skills = skills[skills["subtask"] < chained]
-    return skills[column].tolist() if skills["subtask"].tolist() == list(range(chained)) else []
+    links = chain_length(run)
+    skills = skills[skills["subtask"] < links]
+    return skills[column].tolist() if skills["subtask"].tolist() == list(range(links)) else []

@@ -13,7 +13,12 @@ from torchrl.collectors import Collector
 from torchrl.envs import EnvBase, StepCounter, TransformedEnv
 
 from tstar_rl.checks import InvalidValueError
-from tstar_rl.rollouts.starts import gaussian_counts, load_gaussian_counts, start_counts
+from tstar_rl.rollouts.starts import (
+    gaussian_counts,
+    load_state_of_sources,
+    start_counts,
+    state_of_sources,
+)
 from tstar_rl.transforms import EpisodeStart, SkillChainReset
 from tstar_rl.transforms.skill_chain_reset import Starts
 
@@ -122,7 +127,7 @@ def state_of(collector: Collector) -> dict[str, Any]:
     return {
         "world": world,
         "transforms": env.transform.state_dict(),
-        "gaussian": gaussian_counts(env),
+        "starts": state_of_sources(env),
         "carried": collector._carrier.clone().to_dict(),
     }
 
@@ -137,7 +142,7 @@ def load_state(collector: Collector, state: dict[str, Any]) -> None:
     }
     env.base_env.load_state_dict(world)
     env.transform.load_state_dict(state["transforms"])
-    load_gaussian_counts(env, state.get("gaussian", {}))  # a run of before has not kept them
+    load_state_of_sources(env, state.get("starts", []))
     collector._carrier = TensorDict.from_dict(state["carried"], batch_size=batch, device=device)
 
 

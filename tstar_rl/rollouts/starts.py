@@ -10,7 +10,7 @@ from torch import Tensor
 from torchrl.envs import TransformedEnv
 
 from tstar_rl.checks import InvalidValueError
-from tstar_rl.rollouts.state_sets import TerminationSet
+from tstar_rl.rollouts.state_sets import StateSet, TerminationSet
 from tstar_rl.rollouts.terminal_gaussian import TerminalGaussian
 from tstar_rl.transforms import SkillChainReset
 from tstar_rl.transforms.skill_chain_reset import Starts
@@ -20,10 +20,11 @@ __all__ = [
     "MixedStarts",
     "check_shares",
     "gaussian_counts",
-    "load_gaussian_counts",
+    "load_state_of_sources",
     "make_starts",
     "sources",
     "start_counts",
+    "state_of_sources",
     "termination_sets",
 ]
 
@@ -137,14 +138,21 @@ def termination_sets(env: TransformedEnv) -> list[TerminationSet]:
 
 def gaussian_counts(env: TransformedEnv) -> dict[str, int]:
     """What the Gaussian among an environment's starts has drawn, as "gaussian_<what>"; nothing without one."""
-    return {f"gaussian_{name}": count for each in _gaussians(env) for name, count in each.counts.items()}
+    gaussians = [each for each in sources(env) if isinstance(each, TerminalGaussian)]
+    return {f"gaussian_{name}": count for each in gaussians for name, count in each.counts.items()}
 
 
-def load_gaussian_counts(env: TransformedEnv, counts: Mapping[str, int]) -> None:
-    """Goes on from what `gaussian_counts` gave; from 0 where it says nothing."""
-    for each in _gaussians(env):
-        each.counts = {name: int(counts.get(f"gaussian_{name}", 0)) for name in each.counts}
+def state_of_sources(env: TransformedEnv) -> list[dict[str, Any]]:
+    """The state of every source that has one, in their order; sets of states are saved with their skills."""
+    return [each.state_dict() for each in _with_state(env)]
 
 
-def _gaussians(env: TransformedEnv) -> list[TerminalGaussian]:
-    return [each for each in sources(env) if isinstance(each, TerminalGaussian)]
+def load_state_of_sources(env: TransformedEnv, states: Sequence[Mapping[str, Any]]) -> None:
+    """What `state_of_sources` gave; nothing where a run of before has kept none."""
+    for each, state in zip(_with_state(env), states, strict=bool(states)):
+        each.load_state_dict(state)
+
+
+def _with_state(env: TransformedEnv) -> list[Any]:
+    found = [each for each in sources(env) if not isinstance(each, StateSet)]
+    return [each for each in found if hasattr(each, "state_dict") and hasattr(each, "load_state_dict")]

@@ -1,5 +1,6 @@
 """The Gaussian that Policy Sequencing fits to a termination set."""
 
+from collections.abc import Mapping
 from typing import Protocol
 
 import torch
@@ -76,3 +77,11 @@ class TerminalGaussian:
             self.counts["refused"] += len(waiting)
         self.counts["given_up"] += len(waiting)
         return snapshot
+
+    def state_dict(self) -> dict[str, int]:
+        """What it has counted: the Gaussian itself is that of the termination set."""
+        return dict(self.counts)
+
+    def load_state_dict(self, state: Mapping[str, int]) -> None:
+        """What `state_dict` gave."""
+        self.counts = {name: int(state[name]) for name in self.counts}
