@@ -25,7 +25,7 @@ def test_hard_starts_are_those_where_f_expects_failure(point_chain, monkeypatch)
         "chain.trial_every=100",
         "chain.order=backward",
         "chain.rounds=1",
-        "chain.steps_per_turn=4096",
+        "chain.steps_per_turn=2048",
         "reward.weights.tsr=0",
         "feasibility.learning_rate=3e-3",
         "feasibility.steps=256",

@@ -13,6 +13,7 @@ from tstar_rl.config.values import CONFIGS, settings
 from tstar_rl.updates import PPOSettings
 
 RECIPES = Path(__file__).resolve().parents[2] / "recipes"
+NAMES = [path.stem for path in (CONFIGS / "recipe").glob("*.yaml")]
 SCALES = [path.stem for path in (CONFIGS / "scale").glob("*.yaml")]
 SPIRL_SCALES = [path.stem for path in (CONFIGS / "spirl").glob("*.yaml")]
 TRAIN_NOTHING = {
@@ -38,11 +39,22 @@ def checked(name: str, *overrides: str) -> None:
         check_config(compose(f"recipe/{name}", list(overrides)), name)
 
 
-@pytest.mark.parametrize("name", [path.stem for path in (CONFIGS / "recipe").glob("*.yaml")])
-def test_every_recipe_at_every_scale(name):
-    """Those that train nothing take a scale's values as they are: two scales do for them."""
-    scales = SPIRL_SCALES if name == "spirl" else ["laptop", "no_return"] if name in TRAIN_NOTHING else SCALES
-    for scale in scales:
+@pytest.mark.parametrize("name", NAMES)
+def test_every_recipe(name):
+    for scale in ("laptop", "whole") if name == "spirl" else ("laptop", "no_return"):
+        checked(name, f"scale={scale}", "task=chair_ingolf")
+
+
+@pytest.mark.parametrize("name", ["gail_ppo", "in_order", "tstar"])
+def test_every_scale(name):
+    for scale in SCALES:
+        checked(name, f"scale={scale}", "task=chair_ingolf")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [name for name in NAMES if name not in TRAIN_NOTHING])
+def test_every_recipe_that_trains_at_every_scale(name):
+    for scale in SPIRL_SCALES if name == "spirl" else SCALES:
         checked(name, f"scale={scale}", "task=chair_ingolf")
 
 
