@@ -60,6 +60,8 @@ QUOTED = [
     "d_omega: tstar_no_gate - buffer_bonus_no_gate", "tstar_costliest - buffer_costliest",
     "feasibility_costliest - buffer_costliest",
     "from_scratch: tstar - gaussian", "from_scratch: tstar - buffer_bonus", "from_scratch: floored - no_finetuning",
+    "narrow_skills: floored - tstar", "narrow_skills: tstar - no_finetuning", "narrow_skills: gaussian - no_finetuning",
+    "narrow_skills: tstar - gaussian", "narrow_skills: buffer_costliest - tstar",
     "recovery: recover_always - no_finetuning", "recovery: recover - recover_blind",
     "recovery: recover_90 - no_finetuning",
     "recovery: recover_always - recover", "recovery: recover_late - no_finetuning",
