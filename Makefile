@@ -8,7 +8,8 @@ ARGS ?=
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
-PYTEST := $(BIN)/python -m pytest -n $(CORES) --dist loadfile
+# In the order of their names: by themselves files with one long test would come last.
+PYTEST := $(BIN)/python -m pytest -n $(CORES) --dist loadfile --no-loadscope-reorder
 DOCS_READY := $(VENV)/.docs-ready
 
 .PHONY: help setup assemble assemble-quick test test-all lint type format bench docs watch clean
