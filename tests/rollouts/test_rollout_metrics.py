@@ -5,7 +5,7 @@ import math
 import pandas as pd
 import pytest
 import torch
-from recipe_runs import metrics, places, run
+from recipe_runs import SMALL, metrics, places
 from tensordict import TensorDict
 
 from tstar_rl.rollouts.collection import rollout_metrics
@@ -43,10 +43,11 @@ def test_without_an_episode_of_its_own_a_policy_has_no_success_rate():
     assert all(math.isnan(log[name]) for name in ("success_rate", "completed", "episode_length", "phase"))
 
 
-def test_a_skill_in_training_is_judged_by_its_own_starts(demonstrations, tmp_path):
+def test_a_skill_in_training_is_judged_by_its_own_starts(call, tmp_path):
+    demonstrations = f"demonstrations_dir={tmp_path / 'demonstrations'}"
+    call("make_demonstrations", *SMALL, "subtask=0", "kinds=[noisy]", demonstrations)
     starts = ["training.demonstration_starts=0.9", "training.demonstration_steps=2", "training.max_steps=12"]
-    done = run("gail_ppo", "subtask=0", demonstrations, *starts, *places(tmp_path, "a"))
-    assert done.returncode == 0, done.stderr
+    call("gail_ppo", *SMALL, "subtask=0", demonstrations, *starts, *places(tmp_path, "a"))
     table = pd.read_csv(metrics(tmp_path, "a"))
     own, others = table.episodes.sum(), table.episodes_apart.sum()
     assert 0 < own < others / 4
