@@ -8,8 +8,6 @@ from tstar_rl.analysis.experiments import (
     Experiment,
     arm_table,
     compare_arms,
-    hand_over_gaps,
-    product_of_skills,
     read_experiment,
 )
 from tstar_rl.analysis.figures.arms import ablation_figure, arms_figure, differences_figure
@@ -19,6 +17,8 @@ from tstar_rl.analysis.figures.panels import save_figure
 from tstar_rl.analysis.figures.rise import rise_figure
 from tstar_rl.analysis.figures.states import hand_over_matrix, reliability_figure, terminal_state_plane
 from tstar_rl.analysis.figures.tasks import tasks_figure
+from tstar_rl.analysis.gaps_of_runs import hand_over_gaps
+from tstar_rl.analysis.hand_over_gap import product_of_skills
 from tstar_rl.analysis.over_tasks import tasks_table
 from tstar_rl.analysis.statistics import (
     interquartile_mean,

@@ -1,10 +1,9 @@
-"""An experiment: arms that were trained with the same seeds, its table, its comparisons and its hand-over gap.
+"""An experiment: arms that were trained with the same seeds, its table and its comparisons.
 
 Its folder is <root>/<task>/<arm>/seed<k>/{config.yaml,metrics.csv,evaluation.csv}. Skills that the arms start from lie
 beside them, as <skills>/seed<k>/subtask<i>/. A hand_over.csv below a task has what each skill does from its own starts.
 """
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -17,7 +16,6 @@ from numpy.typing import NDArray
 
 from tstar_rl.analysis.statistics import paired_difference, seed_means
 from tstar_rl.analysis.tables import (
-    config_of,
     episode_progress,
     evaluations_of,
     is_one_commit,
@@ -26,16 +24,12 @@ from tstar_rl.analysis.tables import (
 )
 from tstar_rl.analysis.task_statistics import improvement_over_tasks, interquartile_interval
 from tstar_rl.checks import InvalidValueError
-from tstar_rl.runs.run_folder import is_untrained, run_path
 
 __all__ = [
     "Experiment",
     "arm_scores",
     "arm_table",
-    "chain_length",
     "compare_arms",
-    "hand_over_gaps",
-    "product_of_skills",
     "read_experiment",
 ]
 
@@ -196,61 +190,3 @@ def _compare(first: Kept, second: Kept) -> Mapping[str, Any]:
     line |= {"improvement": better.value, "improvement_low": better.low, "improvement_high": better.high}
     line["won"] = int((seed_means(both[0]) > seed_means(both[1])).sum())
     return line | {"verdict": found.verdict()}
-
-
-def product_of_skills(own_success: Sequence[float]) -> float:
-    """Progress of a chain whose skills succeed as often from where the one before ends as from their own starts.
-
-    Subtask k is then completed with probability p_0 ... p_k; progress is the mean of these products.
-    """
-    return float(np.cumprod(np.asarray(own_success, dtype=float)).mean())
-
-
-def hand_over_gaps(experiment: Experiment, task: str, checkpoint: str = "last") -> pd.DataFrame:
-    """What a chaining method could mend: product of the skills' own success minus the chain's progress, for each run.
-
-    Own success is that of hand_over.csv for the same arm and seed. An arm without it takes that of the skills that it
-    started from (`skills` in its config.yaml), where they were evaluated alone.
-
-    Returns:
-        Columns arm, seed, progress, product, gap, and fine_tuned (whether own success is of the arm's own skills); nan
-        where nothing is known of the skills.
-    """
-    own_starts = _by_run(experiment.hand_over, task)
-    skills = experiment.skills
-    alone = _by_run(skills if skills.empty else skills[skills["mode"] == "deterministic"], task)
-    lines = []
-    for _, row in experiment.chosen(task, checkpoint).iterrows():
-        arm, seed = str(row["arm"]), int(row["seed"])
-        tuned = (arm, seed, checkpoint) in own_starts
-        if tuned:
-            own = _of_whole_chain(own_starts[arm, seed, checkpoint], "own_starts", row)
-        else:
-            config = config_of(run_path(experiment.root, task, arm, seed))
-            begun = checkpoint if is_untrained(arm) else config.get("from_checkpoint", "last")
-            found = alone.get((config.get("skills", "gail_ppo"), seed, begun))
-            own = [] if found is None else _of_whole_chain(found, "success", row)
-        progress, product = float(row["progress"]), product_of_skills(own) if own else math.nan
-        line = {"arm": arm, "seed": seed, "progress": progress, "product": product}
-        lines.append(line | {"gap": product - progress, "fine_tuned": tuned})
-    return pd.DataFrame(lines)
-
-
-def chain_length(run: pd.Series) -> int:
-    """Skills of the chain of a run, a row of `Experiment.chosen`; it may be shorter than the task."""
-    return sum(str(name).startswith("subtask_") and not pd.isna(run[name]) for name in run.index)
-
-
-def _by_run(table: pd.DataFrame, task: str) -> dict[tuple[Any, ...], pd.DataFrame]:
-    """The rows of each arm, seed and checkpoint, a skill each, in their order."""
-    if table.empty:
-        return {}
-    rows = table[table.task == task].sort_values("subtask")
-    return dict(iter(rows.groupby(["arm", "seed", "checkpoint"])))
-
-
-def _of_whole_chain(skills: pd.DataFrame, column: str, run: pd.Series) -> list[float]:
-    """A column of the skills of a run's chain, which may be shorter than the task; empty where one is lacking."""
-    links = chain_length(run)
-    skills = skills[skills["subtask"] < links]
-    return skills[column].tolist() if skills["subtask"].tolist() == list(range(links)) else []

@@ -8,10 +8,17 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tstar_rl.analysis.experiments import product_of_skills
 from tstar_rl.analysis.statistics import RESAMPLES, Interval, interval_ends, resampled_means
 
-__all__ = ["chain_interval", "gap_interval", "product_interval"]
+__all__ = ["chain_interval", "gap_interval", "product_interval", "product_of_skills"]
+
+
+def product_of_skills(own_success: Sequence[float]) -> float:
+    """Progress of a chain whose skills succeed as often from where the one before ends as from their own starts.
+
+    Subtask k is then completed with probability p_0 ... p_k; progress is the mean of these products.
+    """
+    return float(np.cumprod(np.asarray(own_success, dtype=float)).mean())
 
 
 def product_interval(

@@ -11,7 +11,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from tstar_rl.analysis.experiments import SEED, Experiment, TaskScores, chain_length
+from tstar_rl.analysis.experiments import SEED, Experiment, TaskScores
+from tstar_rl.analysis.gaps_of_runs import links_of
 from tstar_rl.analysis.tables import config_of
 from tstar_rl.analysis.task_statistics import improvement_over_tasks, interquartile_interval
 from tstar_rl.runs.run_folder import run_path
@@ -132,7 +133,7 @@ def skills_of_tasks(experiment: Experiment, arm: str) -> dict[str, list[float]]:
         if len(skills):
             skills = skills[(skills["task"] == task) & (skills["arm"] == source) & skills["seed"].isin(seeds)]
             skills = skills[(skills["checkpoint"] == "last") & (skills["mode"] == "deterministic")]
-        links = max(chain_length(run) for _, run in runs.iterrows())
+        links = max(links_of(run) for _, run in runs.iterrows())
         skills = skills[skills["subtask"] < links] if len(skills) else skills
         all_tried = len(skills) and {*zip(skills["subtask"], skills["seed"], strict=True)} >= {
             (subtask, seed) for subtask in range(links) for seed in seeds

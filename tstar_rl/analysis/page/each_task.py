@@ -2,7 +2,8 @@
 
 import pandas as pd
 
-from tstar_rl.analysis.experiments import Experiment, hand_over_gaps
+from tstar_rl.analysis.experiments import Experiment
+from tstar_rl.analysis.gaps_of_runs import hand_over_gaps
 from tstar_rl.analysis.over_tasks import skills_of_tasks
 from tstar_rl.analysis.page.contents import Entry
 from tstar_rl.analysis.page.markdown import NOTHING, Paper, arm_label, arm_order, from_to, table

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from tstar_rl.analysis.experiments import Experiment, arm_table, compare_arms, hand_over_gaps
+from tstar_rl.analysis.experiments import Experiment, arm_table, compare_arms
 from tstar_rl.analysis.figures import arms_figure, differences_figure, save_figure
+from tstar_rl.analysis.gaps_of_runs import hand_over_gaps
 from tstar_rl.analysis.page.contents import Entry
 from tstar_rl.analysis.page.markdown import (
     NOTHING,
