@@ -6,9 +6,10 @@
 Nothing is trained. <results_dir>/<task>/hand_over_gap.csv has a row for the chain as it was trained (floor 0) and one
 for each floor under its normalisers' deviations; its gap is the product of the skills' own success, as trained, less
 that row's progress. <results_dir>/<task>/seams.csv has a row for each skill that takes over: a cross-validated
-classifier's area under the curve, what falls when a group of its inputs is shuffled, success on either side of one
-input (split_by="joint 6"; null: the strongest one), and how much of the outcome the skill before it decides (see
-`tstar_rl.seams.influence`). Rows of the same chain are replaced; seams.png shows the two sides.
+classifier's area under the curve, what falls when a group of its inputs is shuffled, how far the group is off the
+skill's own starts (see `tstar_rl.seams.off_starts`), success on either side of one input (split_by="joint 6"; null: the
+strongest one), and how much of the outcome the skill before it decides (see `tstar_rl.seams.influence`). Rows of the
+same chain are replaced; seams.png shows the two sides.
 """
 
 import difflib
@@ -22,6 +23,7 @@ import numpy as np
 import torch
 from omegaconf import DictConfig
 from tensordict import TensorDictBase
+from torch import Tensor
 from torchrl.envs import ExplorationType, set_exploration_type
 
 from tstar_rl.analysis.figures import save_figure, sides_figure
@@ -33,7 +35,7 @@ from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.build import environment
 from tstar_rl.config.load import recipe
 from tstar_rl.config.seams import chain_of, env_at_seam
-from tstar_rl.env.task_tables import part_names
+from tstar_rl.env.task_tables import part_names, subtask_geometry
 from tstar_rl.launch.evaluations import check_chain
 from tstar_rl.rollouts.episodes import run_episodes
 from tstar_rl.rollouts.hand_overs import HandOver, HandOvers
@@ -41,6 +43,7 @@ from tstar_rl.rollouts.state_sets import TerminationSet
 from tstar_rl.runs.csv_tables import append_rows
 from tstar_rl.seams.exchange import run_from
 from tstar_rl.seams.influence import Influence, influence_of
+from tstar_rl.seams.off_starts import off_starts
 from tstar_rl.seams.two_sides import two_sides
 from tstar_rl.seams.what_decides import (
     input_groups,
@@ -65,12 +68,14 @@ def main(config: DictConfig) -> None:
     if config.split_by not in (None, *(names := input_names(parts))):
         near = ", ".join(difflib.get_close_matches(config.split_by, names, n=3)) or ", ".join(names)
         raise InvalidValueError(f"split_by must be null or an input such as {near}; got {config.split_by!r}")
-    own = [_own_successes(config, index, skill) for index, skill in enumerate(skills)]
+    alone = [_run_alone(config, index, skill) for index, skill in enumerate(skills)]
+    own, starts = zip(*alone, strict=True)
     found = _influences(config, skills) if config.influence_starts else [None] * (len(skills) - 1)
     progress, seams = _run_chain(config, skills)
     rows = [chain | {"floor": 0.0} | _row(config, own, progress)]
     lines = [
-        chain | _seam_row(each, parts, some, config.split_by) for each, some in zip(seams, found, strict=True)
+        chain | _seam_row(each, parts, some, config.split_by) | _off_row(config, each, starts[each.subtask])
+        for each, some in zip(seams, found, strict=True)
     ]
     for floor in sorted(config.floors):
         raised = sum(skill.normalizer.raise_to(floor) for skill in skills)
@@ -84,15 +89,21 @@ def main(config: DictConfig) -> None:
     print(save_figure(sides_figure(shown), place / "seams.png"))
 
 
-def _own_successes(config: DictConfig, index: int, skill: Skill) -> int:
-    """Successes of a skill from its own starts."""
+def _run_alone(config: DictConfig, index: int, skill: Skill) -> tuple[int, Tensor]:
+    """Successes of a skill from its own starts, and these starts, (n, O)."""
     env = environment(
         config, index, config.evaluation.episodes, evaluation_seed(config.seed, "own_starts", index)
     )
+    starts: list[Tensor] = []
+
+    def watch(tensordict: TensorDictBase) -> None:
+        if not starts:
+            starts.append(tensordict["observation"].clone())
+
     with set_exploration_type(ExplorationType.DETERMINISTIC):
-        last = run_episodes(env, skill.policy)
+        last = run_episodes(env, skill.policy, watch)
     env.close()
-    return int(last["next", "success"].sum())
+    return int(last["next", "success"].sum()), starts[0]
 
 
 def _run_chain(config: DictConfig, skills: Sequence[Skill]) -> tuple[np.ndarray, list[HandOver]]:
@@ -142,6 +153,16 @@ def _seam_row(
         "succeeded_sampled": known.succeeded,
         "within": known.within,
     }
+
+
+def _off_row(config: DictConfig, seam: HandOver, starts: Tensor) -> dict[str, float]:
+    """How far each group of inputs is off the own starts of the skill that takes over; how far these vary."""
+    name = config.task.name
+    joined = [subtask_geometry(name, index) for index in range(seam.subtask)]
+    bases = {one["moving_part"]: one["target_part"] for one in joined}
+    found = off_starts(seam.observations, starts, part_names(name), bases)
+    off = {f"off {group}": each.handed for group, each in found.items()}
+    return off | {f"own {group}": each.own for group, each in found.items()}
 
 
 def _influences(config: DictConfig, skills: Sequence[Skill]) -> list[Influence | None]:

@@ -10,7 +10,7 @@ __all__ = ["apart", "part_poses"]
 
 def part_poses(observation: Tensor) -> Tensor:
     """Poses (N, P, 7) of all parts in observations (N, O), on the processor: position (m), quaternion (w, x, y, z)."""
-    return observation.cpu()[:, PARTS:-NUM_PHASES].reshape(len(observation), -1, 7)
+    return observation.cpu()[:, PARTS:-NUM_PHASES].unflatten(-1, (-1, 7))
 
 
 def apart(name: str, first: Tensor, second: Tensor) -> dict[str, float]:
