@@ -46,6 +46,7 @@ PUBLISHED = Path(__file__).resolve().parents[2] / "results" / "published"
             {"learned": {"least": 1}},
             "odd: learned has no least; it has",
         ),
+        ({"goals": {"progress": 1.0}}, "odd: goals lacks success, which must be"),
         (
             {"questions": [{"asks": "Is it?", "pairs": [["a", "b"]], "seeds": 2}]},
             r"odd: questions have \[\('a', 'b'\)\], not in its pairs",

@@ -110,11 +110,14 @@ def test_the_turns_of_an_experiment_by_hand(published):
     for seed, auc in ((3, [0.5, None, None]), (4, [0.6, None, 0.8])):
         place = published / "odd" / "table"
         rows = pd.DataFrame(turns).assign(env_steps=[1, 2, 3], skill=0)
-        rows.assign(d_omega_auc=auc).to_csv(place / f"tstar/seed{seed}/metrics.csv", index=False)
+        spread = [each and each / 10 for each in auc]
+        rows.assign(d_omega_auc=auc, d_omega_sd=spread).to_csv(
+            place / f"tstar/seed{seed}/metrics.csv", index=False
+        )
         rows.to_csv(place / f"buffer_no_gate/seed{seed}/metrics.csv", index=False)
     page = results_page(published, THEIRS, "")
-    assert "| T-STAR | 2 | 2 | 0.625 | 0.50 | 0.80 | 0.60M |" in page
-    assert "| buffer starts, every turn kept | 2 | 2 | 0.625 | 0.50 | - | 0.60M |" in page
+    assert "| T-STAR | 2 | 2 | 0.625 | 0.50 | 0.80 | 0.08 | 0.60M |" in page
+    assert "| buffer starts, every turn kept | 2 | 2 | 0.625 | 0.50 | - | - | 0.60M |" in page
     drawn = draw_page(published, THEIRS, published / "figures")
     for name in ("odd_table_rise.png", "odd_table_costs.png"):
         assert name in page and published / "figures" / name in drawn

@@ -3,18 +3,26 @@
 import math
 
 import pandas as pd
+import pytest
 
 from tstar_rl.chaining import turns
 
 
-def test_the_log_says_how_d_omega_does(point_chain):
+def test_the_log_says_how_d_omega_does(point_chain, tmp_path):
     table = point_chain("tstar", "chain.gate=true", "chain.links=2", "d_omega.steps=256")
     ends = table.dropna(subset=["trial_progress"])
     assert ends.skill.tolist() == [0, 1] and (ends.trial_steps > 0).all()
     first = ends.iloc[0]
     assert first.handed == 64 and 0 < first.next_success < 1
     assert first.d_omega_auc > 0.9 and first.d_omega_sd > 0.05
+    assert 0 < first.d_omega_brier < 1 and 0 < first.d_omega_ece < 1
     assert math.isnan(ends.iloc[1].d_omega_auc)
+    curve = pd.read_csv(tmp_path / "results/table_lack/tstar/seed0/calibration.csv")
+    assert set(curve.signal) == {"d_omega"} and curve.states.sum() == first.handed
+    reached = (curve.outcome * curve.states).sum() / curve.states.sum()
+    assert reached == pytest.approx(first.next_success), (
+        "what is said is judged against what the next skill did"
+    )
 
 
 def test_a_d_omega_that_nothing_trains_is_not_judged(point_chain):

@@ -56,7 +56,9 @@ def test_gap_floors_cause_and_influence_of_a_chain_that_fails_where_y_is_negativ
     assert first.succeeded_below < 0.1 and first.succeeded_above > 0.9
     assert first["fall robot"] > 0.3, "x and y are the first two numbers, the robot's"
     assert abs(first["fall leg_2 position"]) < 0.02
-    assert first["off robot"] > first["own robot"] > 0, "joints: where skill 0 ends is not where skill 1 begins"
+    assert first["off robot"] > first["own robot"] > 0, (
+        "joints: where skill 0 ends is not where skill 1 begins"
+    )
     assert first["off leg_2 position"] == first["own leg_2 position"] == 0
     assert first.influence_starts == 32
     assert first.within < 0.5, "a step moves y by a tenth: where it began has decided it"

@@ -7,8 +7,9 @@ import pandas as pd
 
 __all__ = ["steps_of_trials", "tried_turns", "turn_table"]
 
-AUC = "_auc"
-"""Ending of the column that says how well a signal's scores tell whether the next skill then succeeded."""
+AUC, SPREAD = "_auc", "_sd"
+"""Endings of the columns that say how well a signal's scores tell whether the next skill then succeeded, and by how
+much the scores differ."""
 
 
 def tried_turns(metrics: pd.DataFrame, task: str) -> pd.DataFrame:
@@ -52,8 +53,8 @@ def turn_table(metrics: pd.DataFrame, task: str) -> pd.DataFrame:
     Returns:
         Index arm; means over seeds. Columns seeds, turns (of a seed), trial_progress (of the chain that goes on, over
         all turns: of an arm that rises early it is higher at the same end), kept (share of turns that the gate kept),
-        trial_steps (see `steps_of_trials`) and auc (of the arm's signal, over the turns that have one and were kept;
-        nan where nothing signals).
+        trial_steps (see `steps_of_trials`), auc and spread (of the scores of the arm's signal, over the turns that
+        have one and were kept; nan where nothing signals).
     """
     rows, steps, lines = tried_turns(metrics, task), steps_of_trials(metrics, task), {}
     if rows.empty:
@@ -65,7 +66,8 @@ def turn_table(metrics: pd.DataFrame, task: str) -> pd.DataFrame:
         line["kept"] = _mean_over_seeds(mine, ["accepted"])
         line["trial_steps"] = steps.get(arm, math.nan)
         kept = mine[mine["accepted"] != 0] if "accepted" in mine else mine
-        line["auc"] = _mean_over_seeds(kept, [name for name in mine if str(name).endswith(AUC)])
+        for name, ending in (("auc", AUC), ("spread", SPREAD)):
+            line[name] = _mean_over_seeds(kept, [column for column in mine if str(column).endswith(ending)])
         lines[str(arm)] = line
     return pd.DataFrame.from_dict(lines, orient="index").rename_axis("arm")
 

@@ -14,7 +14,6 @@ from typing import Any
 import torch
 from tensordict import TensorDictBase
 
-from tstar_rl.chaining.calibration import area_under_curve
 from tstar_rl.chaining.chain import save_chain
 from tstar_rl.chaining.chain_training import ChainTraining
 from tstar_rl.chaining.seam import Seam
@@ -23,6 +22,7 @@ from tstar_rl.chaining.trials import Trial, run_trial
 from tstar_rl.chaining.turn_starts import TurnStarts
 from tstar_rl.env.layout import NUM_PHASES, PARTS
 from tstar_rl.runs.chain_rows import calibration_rows, terminal_state_rows
+from tstar_rl.transforms.terminal_state_reward import TerminalStateReward
 
 __all__ = ["Seam", "Turn", "chain_turns"]
 
@@ -83,19 +83,15 @@ class Turn(TurnStarts):
         handed = trial.skills[self.index + 1]
         found = {"handed": len(handed.starts), "next_success": handed.success}
         outcomes = {"success": handed.succeeded, "share": trial.share_from(self.index + 1)}
-        for name, (signal, label) in self.signals.items():
+        signals = dict(self.signals)
+        if self.has_learned("d_omega", self.following):
+            signals["d_omega"] = TerminalStateReward(self.following.d_omega), "success"
+        for name, (signal, label) in signals.items():
             columns, curve = judge(name, signal, handed.starts, handed.succeeded, outcomes[label])
             found |= columns
             if curve is not None:
                 self.run.calibration.extend(calibration_rows(self.steps, self.index, name, curve))
-        if not self.has_learned("d_omega", self.following):
-            return found
-        with torch.no_grad():
-            scores = self.following.d_omega(handed.starts).squeeze(-1)
-        return found | {
-            "d_omega_auc": area_under_curve(scores, handed.succeeded),
-            "d_omega_sd": float(scores.std()) if len(scores) > 1 else float("nan"),
-        }
+        return found
 
     def _state(self) -> dict[str, Any]:
         """A copy of everything that a turn changes, but for the simulations and the returns of the episodes in them."""

@@ -13,8 +13,8 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from tstar_envs.geometry import quat_conj, quat_mul, quat_rotate
 from tstar_rl.env.layout import JOINTS
+from tstar_rl.env.poses import pose_from
 from tstar_rl.seams.apart import part_poses
 
 __all__ = ["Off", "off_starts"]
@@ -48,20 +48,11 @@ def off_starts(
     found = {"robot": _off(*joints)}
     poses = [part_poses(each).double() for each in (handed, own)]
     for index, name in enumerate(parts):
-        first, second = (_pose(each, index, (joined or {}).get(index)) for each in poses)
+        first, second = (pose_from(each, index, (joined or {}).get(index)) for each in poses)
         found[f"{name} position"] = _off(first[0], second[0])
         mean = torch.linalg.eigh(second[1].T @ second[1]).eigenvectors[:, -1]
         found[f"{name} orientation"] = Off(*(_root(_angles(each[1], mean)) for each in (first, second)))
     return found
-
-
-def _pose(poses: Tensor, part: int, base: int | None) -> tuple[Tensor, Tensor]:
-    """Position (n, 3) and quaternion (n, 4) of a part in the frame of another one, or of the world."""
-    position, turn = poses[:, part, :3], poses[:, part, 3:]
-    if base is None:
-        return position, turn
-    back = quat_conj(poses[:, base, 3:])
-    return quat_rotate(back, position - poses[:, base, :3]), quat_mul(back, turn)
 
 
 def _off(handed: Tensor, own: Tensor) -> Off:

@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 import yaml
 
+from tstar_rl.analysis.goals import Goals
 from tstar_rl.analysis.learned import Learned
 from tstar_rl.analysis.page.headline import Headline, parse_headline
 from tstar_rl.analysis.page.markdown import Paper
@@ -43,6 +44,8 @@ class Entry:
     """Declared before the experiment ran, over several tasks."""
     choices: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     """What is chosen, in words, and the pair of arms whose difference says what that adds."""
+    goals: Goals | None = None
+    """Declared before the experiment ran: the levels that an arm should reach."""
     no_gap: tuple[str, ...] = ()
     """Arms without a hand-over gap, since their skills start from other states alone than in the chain."""
     learned: Learned | None = None
@@ -125,6 +128,7 @@ AS_WRITTEN: dict[str, Any] = {
     "task_questions": tuple[dict[str, Any], ...],
     "choices": dict[str, tuple[str, str]],
     "learned": dict[str, Any],
+    "goals": dict[str, Any],
     "arms": dict[str, str],
 }
 """The types of an item's fields in the file, where `Entry` has other ones."""
@@ -144,6 +148,7 @@ def _entry(root: Path, one: Any) -> Entry:
         "task_questions": lambda asked: tuple(_task_question(each, where) for each in asked),
         "choices": lambda choices: dict(zip(choices, _pairs(choices.values()), strict=True)),
         "learned": lambda given: _learned(given, where),
+        "goals": lambda given: _goals(given, where),
         **{name: lambda listed: listed and tuple(listed) for name in ("no_gap", "figure_arms", "sections")},
     }
     entry = Entry(**{name: parse[name](value) if name in parse else value for name, value in one.items()})
@@ -197,6 +202,12 @@ def _learned(given: Mapping[str, Any], where: str) -> Learned:
     """An experiment's `learned`."""
     check(given, Learned, f"{where}: learned")
     return Learned(**given)
+
+
+def _goals(given: Mapping[str, Any], where: str) -> Goals:
+    """An experiment's `goals`."""
+    check(given, Goals, f"{where}: goals")
+    return Goals(**{**given, "over": tuple(given["over"])})
 
 
 def _pairs(listed: Iterable[Sequence[str]]) -> tuple[tuple[str, str], ...]:

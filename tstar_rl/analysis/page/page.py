@@ -15,6 +15,7 @@ from tstar_rl.analysis.page.commits import commits
 from tstar_rl.analysis.page.contents import Entry, read_contents
 from tstar_rl.analysis.page.costs import costs
 from tstar_rl.analysis.page.drawing import curves
+from tstar_rl.analysis.page.goals import goal_table
 from tstar_rl.analysis.page.late_trials import trials_over_time
 from tstar_rl.analysis.page.markdown import Paper, anchor
 from tstar_rl.analysis.page.over_tasks import over_tasks, short_over_tasks
@@ -26,7 +27,7 @@ from tstar_rl.checks import InvalidValueError
 __all__ = ["replace_block", "results_head", "results_page"]
 
 BEGIN, END = "<!-- results: begin -->", "<!-- results: end -->"
-FINDINGS = "<!-- findings -->"
+FINDINGS, MORE = "<!-- findings -->", "<!-- more -->"
 WRITTEN = """\
 <!-- Written by recipes/report.py from results/published/, docs/paper_results.yaml and docs/results_notes.md. -->
 """
@@ -78,11 +79,11 @@ def results_page(root: str | Path, paper: Paper, notes: str) -> str:
         root: of the published results, with contents.yaml.
         paper: docs/paper_results.yaml.
         notes: what was found, in a person's words; the page leads with it. `<!-- findings -->` becomes a list of links
-            to its numbered headings.
+            to its numbered headings; `<!-- more -->` says where what the README shows ends, and is left out.
     """
     entries = read_contents(root).experiments
     found = [_experiment(entry, paper) for entry in entries]
-    said = _filled(notes.replace(FINDINGS, _findings(notes)), entries, paper)
+    said = _filled(notes.replace(FINDINGS, _findings(notes)).replace(f"{MORE}\n\n", ""), entries, paper)
     return "\n\n".join(part.strip() for part in ("# Results", WRITTEN, said, READING, *found)) + "\n"
 
 
@@ -96,7 +97,8 @@ def _filled(notes: str, entries: Iterable[Entry], paper: Paper) -> str:
     """The notes with the tables that they ask for.
 
     `<!-- table: <folder> -->` is one, `<!-- table: <folder>: <arm>, <arm> -->` has these arms alone. In the place of
-    `table` there are `comparisons`, `answers`, `choices`, and of several tasks `over all tasks`, each with all arms.
+    `table` there are `comparisons`, `answers`, `choices`, `goals`, and of several tasks `over all tasks`, each with all
+    arms.
 
     Raises:
         InvalidValueError: for a folder that is no experiment, an arm that it does not have, a table that would be
@@ -116,7 +118,8 @@ def _filled(notes: str, entries: Iterable[Entry], paper: Paper) -> str:
         experiment, named = read_experiment(entry.folder), entry.named(paper)
         if kind == "over all tasks":
             return _some(found[0], short_over_tasks(experiment, named, entry))
-        written = {"comparisons": parts.comparison_table, "answers": parts.answers, "choices": choice_table}
+        written = {"comparisons": parts.comparison_table, "answers": parts.answers}
+        written |= {"choices": choice_table, "goals": goal_table}
         shown = {
             task: written[kind](experiment, named, entry, task)
             if kind in written
@@ -127,7 +130,7 @@ def _filled(notes: str, entries: Iterable[Entry], paper: Paper) -> str:
         filled = (f"`{task}`:\n\n{text}" if several else text for task, text in shown.items() if text)
         return _some(found[0], "\n".join(filled))
 
-    asked = r"<!-- (table|comparisons|answers|choices|over all tasks): ([^\s:]+)(?:: ([\w, ]+))? -->"
+    asked = r"<!-- (table|comparisons|answers|choices|goals|over all tasks): ([^\s:]+)(?:: ([\w, ]+))? -->"
     if left := re.findall("<!--.*", re.sub(asked, "", notes)):
         raise InvalidValueError(f"the notes have a comment that is no table: {left[0]}")
     return re.sub(asked, fill, notes)
@@ -180,14 +183,16 @@ def _experiment(entry: Entry, paper: Paper) -> str:
 
 
 def results_head(root: str | Path, paper: Paper, notes: str) -> str:
-    """What the README shows: what the notes begin with, up to their first heading.
+    """What the README shows: what the notes begin with, up to `<!-- more -->` or their first heading.
 
     Args:
         root: see `results_page`.
         paper: see `results_page`.
         notes: see `results_page`; links and pictures are changed to lead from the README's folder.
     """
-    lead = re.split(r"^#", notes, maxsplit=1, flags=re.MULTILINE)[0].replace("](#", "](results.md#")
+    lead = re.split(rf"^(?:#|{MORE})", notes, maxsplit=1, flags=re.MULTILINE)[0].replace(
+        "](#", "](results.md#"
+    )
     lead = re.sub(r"\]\((?!https?:)", "](docs/", lead)
     return _filled(lead, read_contents(root).experiments, paper).strip()
 

@@ -17,8 +17,8 @@ RISE = "Progress of the chain in the trial after each turn. A thin line is a see
 SAID = """\
 Means over seeds. Progress is that of the chain that goes on, in the trials after its turns: of two arms with the same
 end, the one that rose earlier has more. AUC: how well the signal that paid a skill tells whether the next one then
-succeeded (.5: nothing), over the turns that were kept. Steps of trials: in the runs published so far they are without
-the episodes of a chain before its first turn (chain.seed_episodes).
+succeeded (.5: nothing), over the turns that were kept; spread: the deviation of its scores there. Steps of trials: in
+the runs published so far they are without the episodes of a chain before its first turn (chain.seed_episodes).
 """
 
 
@@ -30,7 +30,12 @@ def turns(metrics: pd.DataFrame, paper: Paper, task: str, prefix: str) -> str:
     rows = []
     for arm in arm_order(paper, found.index):
         row = found.loc[arm]
-        numbers = [f"{row['trial_progress']:.3f}", _share(row["kept"]), _share(row["auc"])]
+        numbers = [
+            f"{row['trial_progress']:.3f}",
+            _share(row["kept"]),
+            _share(row["auc"]),
+            _share(row["spread"]),
+        ]
         line = [arm_label(paper, arm), f"{row['seeds']:.0f}", f"{row['turns']:.0f}", *numbers]
         rows.append([*line, millions(row["trial_steps"])])
     header = [
@@ -40,6 +45,7 @@ def turns(metrics: pd.DataFrame, paper: Paper, task: str, prefix: str) -> str:
         "progress in trials, mean over turns",
         "turns kept",
         "AUC of the signal",
+        "its spread",
     ]
     return f"{picture(RISE, _file(task, prefix))}\n{SAID}\n{table([*header, 'steps of trials'], rows)}"
 
