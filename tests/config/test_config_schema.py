@@ -17,9 +17,9 @@ NAMES = [path.stem for path in (CONFIGS / "recipe").glob("*.yaml")]
 SCALES = [path.stem for path in (CONFIGS / "scale").glob("*.yaml")]
 SPIRL_SCALES = [path.stem for path in (CONFIGS / "spirl").glob("*.yaml")]
 TRAIN_NOTHING = {
-    "bench", "bench_growth", "evaluate", "evaluate_expert", "evaluate_shelf", "exchanged", "export", "floored",
-    "hand_over", "hand_over_gap", "make_demonstrations", "moved_parts", "parity", "plot", "plot_latents", "refitted",
-    "report", "ship", "terminal_states", "watch", "ways_home",
+    "anatomy", "bench", "bench_growth", "evaluate", "evaluate_expert", "evaluate_shelf", "exchanged", "export",
+    "floored", "hand_over", "hand_over_gap", "make_demonstrations", "moved_parts", "parity", "plot", "plot_latents",
+    "refitted", "report", "ship", "terminal_states", "watch", "ways_home",
 }  # fmt: skip
 
 

@@ -28,6 +28,7 @@ STEPS = (
     *FINE_TUNING,
     *OF_CHAINS,
     *(
+        "anatomy",
         "evaluate",
         "evaluate_expert",
         "evaluate_shelf",
