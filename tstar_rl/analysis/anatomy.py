@@ -65,7 +65,7 @@ def seam_anatomy(
         raise InvalidValueError(
             f"at no seam of {systems[0]} there are enough successes and failures to say what decides"
         )
-    decides = falls.groupby("subtask").mean().idxmax(axis=1)
+    decides = {int(subtask): str(rows.mean().idxmax()) for subtask, rows in falls.groupby("subtask")}
     alone = gaps[gaps["floor"] == 0].set_index(CHAIN)
     kept = _kept(metrics)
     rows = []
@@ -108,5 +108,5 @@ def _kept(metrics: pd.DataFrame) -> dict[tuple[str, int, int], float]:
     if "accepted" not in metrics:
         return {}
     judged = metrics[(metrics["subtask"] == -1) & metrics["accepted"].notna()]
-    shares = judged.groupby(["recipe", "seed", "skill"])["accepted"].mean()
-    return {(str(name), int(seed), int(skill)): share for (name, seed, skill), share in shares.items()}
+    shares = judged.groupby(["recipe", "seed", "skill"], as_index=False)["accepted"].mean()
+    return {(str(row.recipe), int(row.seed), int(row.skill)): row.accepted for row in shares.itertuples()}
