@@ -13,12 +13,14 @@ HALF = 12.706 * 0.1 / 2**0.5
 
 
 def trials(arm: str, *seeds: list[float]) -> pd.DataFrame:
-    """Rows of metrics: a trial after each turn, and a row without one between them."""
+    """Rows of metrics: rounds of two turns with a trial after each, and a row without one. The first turn's is of no
+    account."""
     rows = []
     for seed, progress in enumerate(seeds):
         for index, value in enumerate(progress):
-            rows.append({"seed": seed, "env_steps": 10 * index, "trial_progress": value})
-            rows.append({"seed": seed, "env_steps": 10 * index + 5, "trial_progress": None})
+            for step, found in ((1, 1.0), (5, value), (7, None)):
+                row = {"seed": seed, "round": index, "env_steps": 10 * index + step}
+                rows.append({**row, "trial_progress": found})
     return pd.DataFrame(rows).assign(task="table", subtask=-1, recipe=arm)
 
 
@@ -31,9 +33,9 @@ def test_the_last_trial_less_the_best_before_it_and_less_one_of_them():
         ]
     )
     found = late_trials(metrics.iloc[::-1], "table", earlier=2)
-    assert found.index.tolist() == ["buffer", "tstar"]  # a chain that was not tried after trial 2 is left out
+    assert found.index.tolist() == ["buffer", "tstar"]  # a chain of two rounds is left out
     tstar = found.loc["tstar"]
-    assert tstar[["seeds", "trials"]].tolist() == [2, 4]
+    assert tstar[["seeds", "rounds"]].tolist() == [2, 4]
     best = [-0.1, 0.1 * (2**0.5 - 1)]
     assert tstar["since_best"] == pytest.approx(sum(best) / 2)
     assert tstar["since_best_half"] == pytest.approx(HALF, abs=1e-4)
@@ -42,13 +44,13 @@ def test_the_last_trial_less_the_best_before_it_and_less_one_of_them():
     assert found.loc["buffer", ["since_best_half", "since_half"]].isna().all()
 
 
-def test_of_a_seed_with_more_trials_as_many_count_as_the_others_have():
+def test_of_a_seed_with_more_rounds_as_many_count_as_the_others_have():
     found = late_trials(trials("tstar", [0.5, 0.6, 0.7], [0.5, 0.8]), "table", earlier=1)
-    assert found.loc["tstar", "last"] == pytest.approx(0.7) and found.loc["tstar", "trials"] == 2
+    assert found.loc["tstar", "last"] == pytest.approx(0.7) and found.loc["tstar", "rounds"] == 2
 
 
 @pytest.mark.parametrize("earlier", [0, -1, "best", 1.5])
-def test_what_is_no_number_of_a_trial_is_refused(earlier):
+def test_what_is_no_number_of_a_round_is_refused(earlier):
     with pytest.raises(InvalidValueError, match="counted from 1, got"):
         late_trials(trials("tstar", [0.5, 0.6]), "table", earlier)
 
@@ -56,12 +58,12 @@ def test_what_is_no_number_of_a_trial_is_refused(earlier):
 def test_the_page_has_the_table_of_an_experiment_that_declared_it(published):
     assert "#### Later trials" not in results_page(published, THEIRS, "")
     for seed, progress in ((3, [0.5, 0.75]), (4, [0.5, 0.75])):
-        rows = pd.DataFrame({"trial_progress": progress, "env_steps": [1, 2], "skill": 0})
+        rows = pd.DataFrame({"trial_progress": progress, "env_steps": [1, 2], "round": [0, 1], "skill": 0})
         rows.to_csv(published / f"odd/table/tstar/seed{seed}/metrics.csv", index=False)
     odd = {"folder": "odd", "kind": "experiment", "pairs": [["tstar", "buffer_no_gate"]]}
     contents(published, [{**odd, "late_trials": 1}, {"folder": "plain", "kind": "paper"}])
     page = results_page(published, THEIRS, "")
-    assert "| arm | seeds | trials | last trial | less the best before it | less trial 1 |" in page
+    assert "| arm | seeds | rounds | last trial | less the best before it | less that of round 1 |" in page
     assert "| T-STAR | 2 | 2 | 0.750 | +0.250 [+0.250, +0.250] | +0.250 [+0.250, +0.250] |" in page
     contents(published, [{**odd, "late_trials": 2}, {"folder": "plain", "kind": "paper"}])
     assert "#### Later trials" not in results_page(published, THEIRS, "")

@@ -68,7 +68,10 @@ def test_goals_and_who_reaches_them_by_hand(published):
     )
     assert "| improvement over buffer starts, every turn kept (goal 0.80) | environment steps |" in shown
     assert "| T-STAR | 2 | **0.625** | 0.625 | - | **0.875** | 0.50M |" in shown
-    assert "| buffer starts, every turn kept | 2 | 0.378 | 0.378 | - | - | 0.50M |" in shown
+    other = "| buffer starts, every turn kept | 2 | 0.378 | 0.378 | - | - | 0.50M |"
+    assert other in shown and other not in results_head(published, THEIRS, "<!-- goals: odd: tstar -->")
+    with pytest.raises(ValueError, match="table has no arm bc; it has"):
+        results_head(published, THEIRS, "<!-- goals: odd: bc -->")
 
 
 def test_the_readme_has_less_than_the_pages_lead(published):

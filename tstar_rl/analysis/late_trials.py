@@ -1,4 +1,4 @@
-"""Whether chains get worse while they are fine-tuned on: their last trial less earlier ones."""
+"""Whether chains get worse while they are fine-tuned on: the trial after their last round less earlier ones."""
 
 import pandas as pd
 
@@ -10,32 +10,36 @@ __all__ = ["late_trials"]
 
 
 def late_trials(metrics: pd.DataFrame, task: str, earlier: int) -> pd.DataFrame:
-    """A line for each arm whose chains were tried more than `earlier` times.
+    """A line for each arm with more than `earlier` rounds. Of a round only the trial after its last turn counts.
 
     Args:
         metrics: of `read_metrics`.
         task: of the chains.
-        earlier: the trial, counted from 1, with which the last one is compared.
+        earlier: the round, counted from 1, with whose trial the last one is compared.
 
     Returns:
-        Index arm; columns seeds, trials (of the seed with the fewest; of the others as many count), last (progress in
-        the last trial, mean over seeds), since_best and since_best_half (last less the highest of all trials before it:
-        the highest of several noisy ones is too high, so this is too low), and since and since_half (last less the
-        `earlier` one). The halves are those of Student's 95% interval over seeds, nan of one.
+        Index arm; columns seeds, rounds (of the seed with the fewest; of the others as many count), last (progress in
+        the last trial, mean over seeds), since_best and since_best_half (last less the highest trial of all rounds
+        before it: the highest of several noisy ones is too high, so this is too low), and since and since_half (last
+        less that of round `earlier`). The halves are those of Student's 95% interval over seeds, nan of one.
 
     Raises:
-        InvalidValueError: if `earlier` is no number of a trial.
+        InvalidValueError: if `earlier` is no number of a round.
     """
     if not isinstance(earlier, int) or earlier < 1:
-        raise InvalidValueError(f"late_trials must be the number of a trial, counted from 1, got {earlier!r}")
+        raise InvalidValueError(f"late_trials must be the number of a round, counted from 1, got {earlier!r}")
     lines = {}
-    for arm, rows in tried_turns(metrics, task).sort_values("env_steps").groupby("recipe"):
+    tried = tried_turns(metrics, task)
+    if tried.empty:
+        return pd.DataFrame()
+    ends = tried.sort_values("env_steps").groupby(["recipe", "seed", "round"], as_index=False).last()
+    for arm, rows in ends.groupby("recipe"):
         seeds = [seed.to_list() for _, seed in rows.groupby("seed")["trial_progress"]]
         trials = pd.DataFrame(list(zip(*seeds, strict=False))).T
         if trials.shape[1] <= earlier:
             continue
         last = trials.iloc[:, -1]
-        line = {"seeds": len(trials), "trials": trials.shape[1], "last": last.mean()}
+        line = {"seeds": len(trials), "rounds": trials.shape[1], "last": last.mean()}
         for name, before in (
             ("since_best", trials.iloc[:, :-1].max(axis=1)),
             ("since", trials.iloc[:, earlier - 1]),

@@ -51,7 +51,7 @@ class Entry:
     learned: Learned | None = None
     """Declared before the experiment ran: when a skill counts as learned."""
     late_trials: int | None = None
-    """Declared before the experiment ran: the trial, counted from 1, that a chain's last one is compared with."""
+    """Declared before the experiment ran: the round, counted from 1, whose trial the last one is compared with."""
     figure_arms: tuple[str, ...] = ()
     """Arms whose profiles and costs are drawn, where all would not be told apart; none named: all."""
     sections: tuple[str, ...] | None = None

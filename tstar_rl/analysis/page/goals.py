@@ -1,20 +1,31 @@
 """How far the arms of an experiment get towards its goals, as a table of the notes."""
 
 import math
+from collections.abc import Collection
 
 from tstar_rl.analysis.experiments import Experiment
 from tstar_rl.analysis.goals import goal_levels
 from tstar_rl.analysis.page.contents import Entry
 from tstar_rl.analysis.page.markdown import NOTHING, Paper, arm_label, arm_order, millions, table
+from tstar_rl.checks import InvalidValueError
 
 __all__ = ["goal_table"]
 
 
-def goal_table(experiment: Experiment, paper: Paper, entry: Entry, task: str) -> str:
-    """A line for each arm, what reaches a goal in bold; nothing if no goals were set."""
+def goal_table(
+    experiment: Experiment, paper: Paper, entry: Entry, task: str, shown: Collection[str] = ()
+) -> str:
+    """A line for each arm, or for each of `shown`, what reaches a goal in bold; nothing if no goals were set.
+
+    Raises:
+        InvalidValueError: for an arm that the task does not have.
+    """
     if entry.goals is None:
         return ""
     wanted, found = entry.goals.levels(), goal_levels(experiment, entry.goals, task)
+    if unknown := sorted(set(shown) - set(found.index)):
+        raise InvalidValueError(f"{task} has no arm {', '.join(unknown)}; it has {', '.join(found.index)}")
+    found = found[found.index.isin(shown)] if shown else found
     named = {"progress": "progress", "success": "whole task", "sampled": "sampled actions: progress"}
     named |= {over: f"improvement over {arm_label(paper, over)}" for over in entry.goals.over}
     lines = []

@@ -8,13 +8,14 @@ from tstar_rl.analysis.page.markdown import Paper, arm_label, arm_order, signed_
 __all__ = ["trials_over_time"]
 
 SAID = """\
-Progress in the last trial of a chain less that in earlier ones: mean over seeds with Student's interval. The highest of
-several noisy trials is too high, so what is less the best before it is too low; what is less one trial alone is not.
+Progress in the trial after a chain's last round less that after earlier rounds: mean over seeds with Student's
+interval. The highest of several noisy trials is too high, so what is less the best before it is too low; what is less
+one trial alone is not.
 """
 
 
 def trials_over_time(metrics: pd.DataFrame, paper: Paper, task: str, earlier: int | None) -> str:
-    """A line for each arm; nothing if no earlier trial was declared to count, or no chain came as far."""
+    """A line for each arm; nothing if no earlier round was declared to count, or no chain came as far."""
     found = pd.DataFrame() if earlier is None else late_trials(metrics, task, earlier)
     if earlier is None or found.empty:
         return ""
@@ -22,9 +23,16 @@ def trials_over_time(metrics: pd.DataFrame, paper: Paper, task: str, earlier: in
     for arm in arm_order(paper, found.index):
         row = found.loc[arm]
         changes = [_change(row[name], row[f"{name}_half"]) for name in ("since_best", "since")]
-        numbers = [f"{row['seeds']:.0f}", f"{row['trials']:.0f}", f"{row['last']:.3f}"]
+        numbers = [f"{row['seeds']:.0f}", f"{row['rounds']:.0f}", f"{row['last']:.3f}"]
         rows.append([arm_label(paper, arm), *numbers, *changes])
-    header = ["arm", "seeds", "trials", "last trial", "less the best before it", f"less trial {earlier}"]
+    header = [
+        "arm",
+        "seeds",
+        "rounds",
+        "last trial",
+        "less the best before it",
+        f"less that of round {earlier}",
+    ]
     return f"{SAID}\n{table(header, rows)}"
 
 

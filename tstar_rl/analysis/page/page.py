@@ -96,15 +96,16 @@ def _findings(notes: str) -> str:
 def _filled(notes: str, entries: Iterable[Entry], paper: Paper) -> str:
     """The notes with the tables that they ask for.
 
-    `<!-- table: <folder> -->` is one, `<!-- table: <folder>: <arm>, <arm> -->` has these arms alone. In the place of
-    `table` there are `comparisons`, `answers`, `choices`, `goals`, and of several tasks `over all tasks`, each with all
-    arms.
+    `<!-- table: <folder> -->` is one, `<!-- table: <folder>: <arm>, <arm> -->` has these arms alone, and so has
+    `goals`. In the place of `table` there are also `comparisons`, `answers`, `choices`, and of several tasks `over all
+    tasks`, each with all arms.
 
     Raises:
         InvalidValueError: for a folder that is no experiment, an arm that it does not have, a table that would be
             empty, or a comment that asks for nothing: it would not be seen.
     """
     experiments = {entry.folder.name: entry for entry in entries if entry.kind == "experiment"}
+    chosen = {"table": parts.short_table, "goals": goal_table}
 
     def fill(found: re.Match[str]) -> str:
         kind, folder, arms = found.groups()
@@ -112,18 +113,21 @@ def _filled(notes: str, entries: Iterable[Entry], paper: Paper) -> str:
             raise InvalidValueError(
                 f"{found[0]}: there is no such experiment; there are {', '.join(experiments)}"
             )
-        if arms and kind != "table":
+        if arms and kind not in chosen:
             raise InvalidValueError(f"{found[0]}: {kind} are of all arms")
         entry = experiments[folder]
         experiment, named = read_experiment(entry.folder), entry.named(paper)
         if kind == "over all tasks":
             return _some(found[0], short_over_tasks(experiment, named, entry))
-        written = {"comparisons": parts.comparison_table, "answers": parts.answers}
-        written |= {"choices": choice_table, "goals": goal_table}
+        written = {
+            "comparisons": parts.comparison_table,
+            "answers": parts.answers,
+            "choices": choice_table,
+        }
         shown = {
             task: written[kind](experiment, named, entry, task)
             if kind in written
-            else parts.short_table(experiment, named, entry, task, arms.split(", ") if arms else ())
+            else chosen[kind](experiment, named, entry, task, arms.split(", ") if arms else ())
             for task in sections.in_order(paper, experiment.tasks)
         }
         several = len(experiment.tasks) > 1
