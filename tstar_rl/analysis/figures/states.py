@@ -1,8 +1,10 @@
 """Where skills end and begin: terminal states and hand-overs."""
 
 from collections.abc import Sequence
+from textwrap import fill
 
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tstar_rl.analysis.figures.panels import message, panels, readable
@@ -56,6 +58,10 @@ def hand_over_matrix(table: pd.DataFrame) -> Figure:
     return figure
 
 
+ACROSS = 3
+"""Panels side by side."""
+
+
 def reliability_figure(table: pd.DataFrame) -> Figure:
     """What signals said of the states that were handed over, against what then happened: a panel a signal.
 
@@ -67,14 +73,22 @@ def reliability_figure(table: pd.DataFrame) -> Figure:
     if table.empty:
         return message("no calibration.csv yet: a recipe with a signal writes it")
     signals = list(dict.fromkeys(table["signal"]))
-    figure, grid = panels(1, len(signals), (3.6 * len(signals), 3.6), sharex=True, sharey=True)
-    for axes, signal in zip(grid[0], signals, strict=True):
+    columns = min(len(signals), ACROSS)
+    rows_of_panels = -(-len(signals) // columns)
+    size = (3.6 * columns, 3.6 * rows_of_panels)
+    figure, grid = panels(rows_of_panels, columns, size, sharex=True, sharey=True)
+    places: list[Axes] = grid.ravel().tolist()
+    for axes in places[len(signals) :]:
+        axes.set_axis_off()
+    for axes, signal in zip(places, signals, strict=False):
         rows = table[table["signal"] == signal]
         for skill, own in rows.groupby("skill"):
             areas = 120 * own["states"] / rows["states"].max()
             axes.scatter(own["score"], own["outcome"], s=areas, alpha=0.6, label=f"after skill {skill}")
         axes.plot([0, 1], [0, 1], color="0.5", linewidth=0.8)
-        axes.set(title=readable(signal), xlabel="said", xlim=(-0.03, 1.03), ylim=(-0.03, 1.03))
-    grid[0][0].set_ylabel("happened")
+        axes.set(xlabel="said", xlim=(-0.03, 1.03), ylim=(-0.03, 1.03))
+        axes.set_title(fill(readable(signal), 42), fontsize=9)
+    for line in grid:
+        line[0].set_ylabel("happened")
     grid[0][0].legend(fontsize=7)
     return figure

@@ -10,6 +10,7 @@ from pathlib import Path
 from tstar_rl.analysis.experiments import read_experiment
 from tstar_rl.analysis.page import experiment as parts
 from tstar_rl.analysis.page import sections
+from tstar_rl.analysis.page.calibration import calibration
 from tstar_rl.analysis.page.choices import choice_table
 from tstar_rl.analysis.page.commits import commits
 from tstar_rl.analysis.page.contents import Entry, read_contents
@@ -174,6 +175,7 @@ def _experiment(entry: Entry, paper: Paper) -> str:
             leads["Comparisons"] = parts.comparisons(experiment, paper, entry, task)
             leads["Costs"] = costs(metrics, task, entry.prefix)
             leads["Turns"] = turns(metrics, paper, task, entry.prefix)
+            leads["Calibration"] = calibration(entry.folder, metrics, paper, task, entry.prefix)
             leads["Later trials"] = trials_over_time(metrics, paper, task, entry.late_trials)
         leads["What the skills hand over"] = sections.hand_over(entry.folder, task, paper, entry.prefix)
         leads["Which skills are learned"] = sections.learned(entry.learned, evaluations, task)

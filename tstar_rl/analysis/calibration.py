@@ -1,0 +1,52 @@
+"""How far the scores of signals are probabilities: what they said of states, and what then happened."""
+
+import pandas as pd
+
+__all__ = ["calibration_of_arms", "pooled"]
+
+BRIER, BINS = "_brier", 10
+COLUMNS = ("auc", "brier", "ece")
+
+
+def calibration_of_arms(metrics: pd.DataFrame, task: str) -> pd.DataFrame:
+    """A line for each arm whose signal was judged, over the turns that were kept.
+
+    Args:
+        metrics: of `read_metrics`.
+        task: of the chains.
+
+    Returns:
+        Index arm; means over turns, then over seeds. Columns seeds, signal, auc, brier, ece (of that signal) and rate,
+        the Brier score of saying of every state how often the next skill succeeded in that trial.
+    """
+    signals = [str(name).removesuffix(BRIER) for name in metrics if str(name).endswith(BRIER)]
+    lines = {}
+    for signal in signals:
+        judged = (metrics["task"] == task) & (metrics["subtask"] == -1) & metrics[f"{signal}{BRIER}"].notna()
+        rows = metrics[judged & (metrics["accepted"] != 0)] if "accepted" in metrics else metrics[judged]
+        rows = rows.assign(rate=rows["next_success"] * (1 - rows["next_success"]))
+        named = [*(f"{signal}_{column}" for column in COLUMNS), "rate"]
+        for arm, mine in rows.groupby("recipe"):
+            seeds = mine.groupby("seed")[named].mean()
+            values = dict(zip((*COLUMNS, "rate"), seeds.mean(), strict=True))
+            lines[str(arm)] = {"seeds": len(seeds), "signal": signal, **values}
+    return pd.DataFrame.from_dict(lines, orient="index").rename_axis("arm")
+
+
+def pooled(table: pd.DataFrame) -> pd.DataFrame:
+    """The bins of all turns and seeds together, by arm and skill.
+
+    Args:
+        table: rows of `read_calibration`, of one task.
+
+    Returns:
+        Columns recipe, skill, score, outcome (means over the states of a bin), states.
+    """
+    place = (table["score"] * BINS).astype(int).clip(upper=BINS - 1)
+    rows = table.assign(
+        bin=place, score=table["score"] * table["states"], outcome=table["outcome"] * table["states"]
+    )
+    sums = rows.groupby(["recipe", "skill", "bin"], as_index=False)[["score", "outcome", "states"]].sum()
+    for name in ("score", "outcome"):
+        sums[name] /= sums["states"]
+    return sums.drop(columns="bin")
