@@ -38,6 +38,7 @@ QUOTED = [
     "input_floor: floored - no_finetuning", "d_omega: tstar_no_gate - buffer_bonus_no_gate",
     "further_training: tstar_no_gate - buffer_bonus_no_gate", "further_training: tstar_no_gate - buffer_no_gate",
     "tstar - buffer_bonus", "tstar - buffer", "tstar_costliest - buffer_costliest",
+    "narrow_skills: tstar - buffer_bonus", "narrow_skills: tstar - buffer", "from_scratch: tstar - buffer_bonus",
     "further_training: buffer - own_starts", "further_training: own_starts - no_finetuning",
     "buffer - no_finetuning", "gaussian - no_finetuning", "buffer_costliest - buffer",
     "in_order_cloned - tstar", "recovery: recover_always - no_finetuning", "input_floor: floored - no_finetuning",
