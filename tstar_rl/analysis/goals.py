@@ -1,11 +1,13 @@
 """Levels that an experiment set itself before its runs, and how far its arms get."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import pandas as pd
 
-from tstar_rl.analysis.experiments import Experiment, arm_table, compare_arms
+from tstar_rl.analysis.experiments import Experiment, arm_table
+from tstar_rl.analysis.statistics import probability_of_improvement
 
 __all__ = ["Goals", "goal_levels"]
 
@@ -43,10 +45,16 @@ def goal_levels(experiment: Experiment, goals: Goals, task: str) -> pd.DataFrame
     """
     rows, sampled = (experiment.chosen(task, "last", mode) for mode in ("deterministic", "stochastic"))
     found, noisy = arm_table(rows), arm_table(sampled)
-    arms = list(found.index)
-    pairs = [(arm, over) for over in goals.over for arm in arms if arm != over]
-    compared = {(row.first, row.second): row.improvement for row in compare_arms(rows, pairs).itertuples()}
     levels = found[["progress", "success"]].assign(sampled=noisy.get("progress", pd.Series(dtype=float)))
+    of_seeds = {arm: mine.set_index("seed")["progress"] for arm, mine in rows.groupby("arm")}
     for over in goals.over:
-        levels[over] = [compared.get((arm, over), math.nan) for arm in arms]
+        levels[over] = [_improvement(of_seeds, str(arm), over) for arm in found.index]
     return levels.assign(seeds=found["seeds"], env_steps=rows.groupby("arm")["env_steps"].mean())
+
+
+def _improvement(of_seeds: Mapping[str, pd.Series], arm: str, over: str) -> float:
+    """On the seeds that both arms have."""
+    shared = of_seeds[arm].index.intersection(of_seeds[over].index) if over in of_seeds else []
+    if arm == over or not len(shared):
+        return math.nan
+    return float(probability_of_improvement(of_seeds[arm][shared], of_seeds[over][shared]))
