@@ -17,15 +17,18 @@ from tstar_rl.analysis import read_metrics, save_figure
 from tstar_rl.analysis.anatomy import anatomy_changes, deciding_inputs, seam_anatomy
 from tstar_rl.analysis.figures.anatomy import anatomy_figure
 from tstar_rl.analysis.figures.panels import readable
-from tstar_rl.checks import MissingFileError
+from tstar_rl.checks import InvalidValueError, MissingFileError
 from tstar_rl.config.load import recipe
 from tstar_rl.runs.csv_tables import read_table, write_table
 
 
-@recipe("anatomy", systems=tuple[str, ...], checkpoint=str)
+@recipe("anatomy", systems=tuple[str, ...], names=tuple[str, ...] | None, checkpoint=str)
 def main(config: DictConfig) -> None:
     """Reads, draws and prints."""
     place, systems = Path(config.results_dir) / config.task.name, list(config.systems)
+    names = list(config.names or map(readable, systems))
+    if len(names) != len(systems):
+        raise InvalidValueError(f"names must be null or one for each of systems {systems}, got {names}")
     for name in (files := ("seams", "hand_over_gap")):
         if not (place / f"{name}.csv").is_file():
             raise MissingFileError(
@@ -43,8 +46,8 @@ def main(config: DictConfig) -> None:
         print(f"{systems[-1]} less {other}:")
         print(anatomy_changes(table, systems[-1], other).round(3).to_string(index=False))
     falls = deciding_inputs(seams, systems[0])
-    names = {system: readable(system) for system in systems}
-    print(save_figure(anatomy_figure(falls, table, names), place / "anatomy.png"))
+    figure = anatomy_figure(falls, table, dict(zip(systems, names, strict=True)))
+    print(save_figure(figure, place / "anatomy.png"))
 
 
 if __name__ == "__main__":

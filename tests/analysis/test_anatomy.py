@@ -82,5 +82,7 @@ def test_the_recipe_writes_both(tables, call, say, tmp_path):
     place.mkdir(parents=True)
     for name, table in zip(("seams", "hand_over_gap"), tables, strict=False):
         table.assign(checkpoint="last").to_csv(place / f"{name}.csv", index=False)
-    call("anatomy", "systems=[no_finetuning, tstar]")
+    said = say("anatomy", "systems=[no_finetuning, tstar]", "names=[T-STAR]")
+    assert "names must be null or one for each of systems ['no_finetuning', 'tstar'], got ['T-STAR']" in said
+    call("anatomy", "systems=[no_finetuning, tstar]", "names=[as they were, T-STAR]")
     assert len(pd.read_csv(place / "anatomy.csv")) == 4 and (place / "anatomy.png").is_file()
