@@ -6,7 +6,7 @@ import pytest
 import yaml
 from published_runs import THEIRS, contents, write
 
-from tstar_rl.analysis.page import results_head, results_page
+from tstar_rl.analysis.page import draw_page, results_head, results_page
 
 
 def test_notes_get_the_tables_that_they_ask_for(published):
@@ -43,6 +43,12 @@ def test_what_each_choice_adds_is_said_in_the_words_of_the_contents(published):
     assert rows["nothing"] == ["+0.000 [+0.000, +0.000]", "+0.00 to +0.00", "2", "within 0.05 of zero"]
     assert rows["one seed"][1:] == ["-", "1", "one seed"]
     assert "what was not run" not in rows
+    drawn = draw_page(published, THEIRS, published / "figures")
+    assert published / "figures" / "odd_table_choices.png" in drawn
+    odd["choices"] = {"what was not run": ["tstar", "buffer"]}
+    contents(published, [odd, {"folder": "plain", "kind": "paper"}])
+    names = [path.name for path in draw_page(published, THEIRS, published / "more_figures")]
+    assert names and "odd_table_choices.png" not in names
 
 
 def test_the_readme_has_what_the_notes_begin_with_and_its_tables(published):

@@ -98,7 +98,10 @@ def arms_figure(
 
 
 def differences_figure(
-    rows: pd.DataFrame, pairs: Iterable[Sequence[str]], labels: Mapping[str, str] | None = None
+    rows: pd.DataFrame,
+    pairs: Iterable[Sequence[str]],
+    labels: Mapping[str, str] | None = None,
+    said: Mapping[tuple[str, str], str] | None = None,
 ) -> Figure:
     """Paired differences in progress of one task: a dot for each seed, mean, bootstrap interval and Student's t.
 
@@ -106,8 +109,9 @@ def differences_figure(
         rows: see `experiments.arm_table`.
         pairs: see `experiments.compare_arms`.
         labels: of arms.
+        said: what a pair is called; the others by their two arms.
     """
-    table, named = compare_arms(rows, pairs), labels or {}
+    table, named, called = compare_arms(rows, pairs), labels or {}, said or {}
     if table.empty:
         return message("no two arms have a seed in common")
     by_seed = rows.pivot_table(index="seed", columns="arm", values="progress", observed=True)
@@ -122,7 +126,8 @@ def differences_figure(
         style = {"fmt": "|", "color": "black", "capsize": 3, "markersize": 9, "markeredgewidth": 1.5}
         axes.errorbar(mean, place + 0.26, xerr=ends, **style)
     words = [
-        f"{named.get(row.first, readable(row.first))}\nless {named.get(row.second, readable(row.second))}"
+        called.get((row.first, row.second))
+        or f"{named.get(row.first, readable(row.first))}\nless {named.get(row.second, readable(row.second))}"
         for row in table.itertuples()
     ]
     name_rows(axes, words, fontsize=8)

@@ -1,15 +1,20 @@
 """What each choice of an experiment adds, in the words of contents.yaml: one row a choice, for the notes."""
 
 import math
+from pathlib import Path
+from textwrap import fill
 
 from tstar_rl.analysis.experiments import Experiment, compare_arms
+from tstar_rl.analysis.figures import differences_figure, save_figure
 from tstar_rl.analysis.page.contents import Entry
 from tstar_rl.analysis.page.experiment import ordered
 from tstar_rl.analysis.page.markdown import NOTHING, Paper, signed_interval, table
 
-__all__ = ["choice_table"]
+__all__ = ["choice_table", "draw_choices"]
 
 HEADER = ["what is chosen", "change in progress [95%, bootstrap]", "95%, Student's t", "seeds", "verdict"]
+WIDTH = 46
+"""Letters of a line beside the figure."""
 SMALL = 0.05
 """A difference whose two intervals lie within this of zero is called small, whatever its sign."""
 
@@ -32,3 +37,13 @@ def choice_table(experiment: Experiment, paper: Paper, entry: Entry, task: str) 
         verdict = f"within {SMALL} of zero" if small else str(row.verdict)
         lines.append([said, signed_interval(mean, low, high), student, str(row.seeds), verdict])
     return table(HEADER, lines) if lines else ""
+
+
+def draw_choices(experiment: Experiment, paper: Paper, entry: Entry, task: str, figures: Path) -> list[Path]:
+    """The same as a figure, which the notes show, if anything was chosen: a dot for each seed, with both intervals."""
+    rows = ordered(experiment, paper, task)
+    if not entry.choices or compare_arms(rows, tuple(entry.choices.values())).empty:
+        return []
+    said = {pair: fill(words.replace("**", ""), WIDTH) for words, pair in entry.choices.items()}
+    figure = differences_figure(rows, list(said), said=said)
+    return [save_figure(figure, figures / f"{entry.prefix}{task}_choices.png")]
