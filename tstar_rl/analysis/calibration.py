@@ -2,6 +2,8 @@
 
 import pandas as pd
 
+from tstar_rl.analysis.turns import kept_turns
+
 __all__ = ["calibration_of_arms", "pooled"]
 
 BRIER, BINS = "_brier", 10
@@ -23,7 +25,7 @@ def calibration_of_arms(metrics: pd.DataFrame, task: str) -> pd.DataFrame:
     lines = {}
     for signal in signals:
         judged = (metrics["task"] == task) & (metrics["subtask"] == -1) & metrics[f"{signal}{BRIER}"].notna()
-        rows = metrics[judged & (metrics["accepted"] != 0)] if "accepted" in metrics else metrics[judged]
+        rows = kept_turns(metrics[judged])
         rows = rows.assign(rate=rows["next_success"] * (1 - rows["next_success"]))
         named = [*(f"{signal}_{column}" for column in COLUMNS), "rate"]
         for arm, mine in rows.groupby("recipe"):

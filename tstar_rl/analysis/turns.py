@@ -5,7 +5,7 @@ from collections.abc import Iterable
 
 import pandas as pd
 
-__all__ = ["steps_of_trials", "tried_turns", "turn_table"]
+__all__ = ["kept_turns", "steps_of_trials", "tried_turns", "turn_table"]
 
 AUC, SPREAD = "_auc", "_sd"
 """Endings of the columns that say how well a signal's scores tell whether the next skill then succeeded, and by how
@@ -65,11 +65,16 @@ def turn_table(metrics: pd.DataFrame, task: str) -> pd.DataFrame:
         line["trial_progress"] = seeds["trial_progress"].mean().mean()
         line["kept"] = _mean_over_seeds(mine, ["accepted"])
         line["trial_steps"] = steps.get(arm, math.nan)
-        kept = mine[mine["accepted"] != 0] if "accepted" in mine else mine
+        kept = kept_turns(mine)
         for name, ending in (("auc", AUC), ("spread", SPREAD)):
             line[name] = _mean_over_seeds(kept, [column for column in mine if str(column).endswith(ending)])
         lines[str(arm)] = line
     return pd.DataFrame.from_dict(lines, orient="index").rename_axis("arm")
+
+
+def kept_turns(rows: pd.DataFrame) -> pd.DataFrame:
+    """The rows that no gate put back."""
+    return rows[rows["accepted"] != 0] if "accepted" in rows else rows
 
 
 def _chains(metrics: pd.DataFrame, task: str) -> pd.DataFrame:
