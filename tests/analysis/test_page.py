@@ -9,6 +9,7 @@ import pytest
 import yaml
 from published_runs import THEIRS, evaluation
 
+from tstar_rl.analysis.differences import holm
 from tstar_rl.analysis.exchanged import exchange_effects
 from tstar_rl.analysis.experiments import compare_arms, read_experiment
 from tstar_rl.analysis.page import curve_groups, replace_block, results_head, results_page, runs_page
@@ -16,7 +17,6 @@ from tstar_rl.analysis.page.contents import read_contents
 from tstar_rl.analysis.page.experiment import answers
 from tstar_rl.analysis.page.markdown import arm_label, arm_order, over_seeds
 from tstar_rl.analysis.page.sections import comparison, skills
-from tstar_rl.analysis.statistics import holm
 
 ROOT = Path(__file__).resolve().parents[2]
 PUBLISHED = ROOT / "results" / "published"

@@ -4,6 +4,7 @@ Reads files alone. Importing it loads neither torch nor TorchRL, and leaves Matp
 """
 
 from tstar_rl.analysis.ablations import ablation_finding, ablation_table, load_ablation, load_ablation_metrics
+from tstar_rl.analysis.differences import paired_difference
 from tstar_rl.analysis.experiments import (
     Experiment,
     arm_table,
@@ -20,12 +21,7 @@ from tstar_rl.analysis.figures.tasks import tasks_figure
 from tstar_rl.analysis.gaps_of_runs import hand_over_gaps
 from tstar_rl.analysis.hand_over_gap import product_of_skills
 from tstar_rl.analysis.over_tasks import tasks_table
-from tstar_rl.analysis.statistics import (
-    interquartile_mean,
-    paired_difference,
-    performance_profile,
-    probability_of_improvement,
-)
+from tstar_rl.analysis.statistics import interquartile_mean, performance_profile, probability_of_improvement
 from tstar_rl.analysis.tables import (
     episode_progress,
     evaluation_table,

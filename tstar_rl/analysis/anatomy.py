@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from tstar_rl.analysis.statistics import student_half
+from tstar_rl.analysis.differences import student_half
 from tstar_rl.checks import InvalidValueError
 
 __all__ = ["MEASURED", "anatomy_changes", "deciding_inputs", "seam_anatomy"]

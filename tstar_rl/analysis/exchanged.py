@@ -3,14 +3,8 @@
 import numpy as np
 import pandas as pd
 
-from tstar_rl.analysis.statistics import (
-    RESAMPLES,
-    Array,
-    Difference,
-    difference_of,
-    resampled_means,
-    seed_means,
-)
+from tstar_rl.analysis.differences import Difference, difference_of
+from tstar_rl.analysis.statistics import RESAMPLES, Array, resampled_means, seed_means
 from tstar_rl.checks import InvalidValueError
 
 __all__ = ["EFFECTS", "exchange_effects"]

@@ -14,7 +14,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from tstar_rl.analysis.statistics import paired_difference, seed_means
+from tstar_rl.analysis.differences import paired_difference
+from tstar_rl.analysis.statistics import seed_means
 from tstar_rl.analysis.tables import (
     episode_progress,
     evaluations_of,

@@ -2,7 +2,7 @@
 
 import pandas as pd
 
-from tstar_rl.analysis.statistics import student_half
+from tstar_rl.analysis.differences import student_half
 from tstar_rl.analysis.turns import tried_turns
 from tstar_rl.checks import InvalidValueError
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from tstar_rl.analysis.differences import holm
 from tstar_rl.analysis.experiments import Experiment, arm_table, compare_arms
 from tstar_rl.analysis.figures import arms_figure, differences_figure, save_figure
 from tstar_rl.analysis.gaps_of_runs import hand_over_gaps
@@ -24,7 +25,6 @@ from tstar_rl.analysis.page.markdown import (
     table,
 )
 from tstar_rl.analysis.questions import answer
-from tstar_rl.analysis.statistics import holm
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.runs.run_folder import UNTRAINED
 

@@ -4,9 +4,9 @@ import math
 
 import pandas as pd
 
+from tstar_rl.analysis.differences import student_half
 from tstar_rl.analysis.page.markdown import NOTHING, Paper, interval, labels, millions, table, theirs
 from tstar_rl.analysis.page.sections import pick
-from tstar_rl.analysis.statistics import student_half
 from tstar_rl.analysis.tables import whole_task
 from tstar_rl.intervals import wilson_interval
 
