@@ -31,11 +31,11 @@ def states(*tilts: float, turned: float = 0.0, joint: float = 0.0) -> torch.Tens
 
 
 def test_a_joined_part_is_measured_from_the_part_that_it_is_joined_to():
-    """Its tilts of 3 and 4 degrees are off the upright one that the skill knows; how the table stands is not."""
-    handed, own = states(3.0, -4.0, turned=0.4), states(0.0, 0.0)
+    """Its tilts of 3, 4 and 5 degrees are off the upright one that the skill knows; how the table stands is not."""
+    handed, own = states(3.0, -4.0, 5.0, turned=0.4), states(0.0, 0.0)
     handed[1, PARTS + 10 : PARTS + 14] *= -1  # the same turn
     found = off_starts(handed, own, ("top", "leg"), {LEG: TOP})
-    assert found["leg orientation"].handed == pytest.approx(math.sqrt((9 + 16) / 2), abs=1e-3)
+    assert found["leg orientation"].handed == pytest.approx(4.0, abs=1e-3)
     assert found["leg position"].handed == pytest.approx(0.0, abs=1e-6)
     assert found["top orientation"].handed == pytest.approx(math.degrees(0.4), abs=1e-3)
     assert found["leg orientation"].own == pytest.approx(0.0, abs=1e-3)
@@ -59,6 +59,11 @@ def test_distances_are_from_the_mean_of_the_own_starts_whose_own_spread_is_said(
     assert found["robot"].own == pytest.approx(math.degrees(0.1), abs=1e-4)
     assert found["leg orientation"].own == pytest.approx(1.0, abs=1e-3)
     assert found["leg orientation"].handed == pytest.approx(0.0, abs=1e-3)
+
+
+def test_one_leg_that_stands_quite_otherwise_changes_little():
+    found = off_starts(states(1.0, 2.0, 3.0, 90.0), states(0.0, 0.0), ("top", "leg"), {LEG: TOP})
+    assert found["leg orientation"].handed == pytest.approx(2.5, abs=1e-3)
 
 
 def test_a_seam_that_nothing_reaches_is_off_by_nan():

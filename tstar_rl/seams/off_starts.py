@@ -21,7 +21,7 @@ __all__ = ["Off", "off_starts"]
 
 
 class Off(NamedTuple):
-    """Distances from the mean of a skill's own starts, as roots of mean squares: in degrees or, of a position, m."""
+    """Distances from the mean of a skill's own starts, medians over states: in degrees or, of a position, m."""
 
     handed: float
     """Of the states that the skill is handed."""
@@ -51,14 +51,14 @@ def off_starts(
         first, second = (pose_from(each, index, (joined or {}).get(index)) for each in poses)
         found[f"{name} position"] = _off(first[0], second[0])
         mean = torch.linalg.eigh(second[1].T @ second[1]).eigenvectors[:, -1]
-        found[f"{name} orientation"] = Off(*(_root(_angles(each[1], mean)) for each in (first, second)))
+        found[f"{name} orientation"] = Off(*(_median(_angles(each[1], mean)) for each in (first, second)))
     return found
 
 
 def _off(handed: Tensor, own: Tensor) -> Off:
     """Of vectors (n, d) and (m, d): distance from the mean of the second."""
     mean = own.mean(0)
-    return Off(*(_root((each - mean).norm(dim=-1)) for each in (handed, own)))
+    return Off(*(_median((each - mean).norm(dim=-1)) for each in (handed, own)))
 
 
 def _angles(turns: Tensor, mean: Tensor) -> Tensor:
@@ -67,5 +67,5 @@ def _angles(turns: Tensor, mean: Tensor) -> Tensor:
     return torch.rad2deg(4 * torch.asin((chord / 2).clamp(max=1)))
 
 
-def _root(distances: Tensor) -> float:
-    return float(distances.square().mean().sqrt()) if len(distances) else math.nan
+def _median(distances: Tensor) -> float:
+    return float(distances.quantile(0.5)) if len(distances) else math.nan
