@@ -83,7 +83,7 @@ def _check(run: Variant, shared: list[str]) -> None:
     chain_length(step_config(("evaluate", *_of_evaluation(run, shared)), shared))
     if run.trains:
         step = (run.system, *_values(run))
-        check_step(step, shared)
+        check_step((*step, "bonus=0.5") if run.bonus_of else step, shared)
         is_done(step, shared, UNKNOWN)
 
 

@@ -30,7 +30,7 @@ from tstar_rl.experiments.declared import DeclaredExperiment
 from tstar_rl.experiments.published import publish
 from tstar_rl.experiments.values import parse_experiment
 from tstar_rl.launch.backends import check_local
-from tstar_rl.launch.bonus import with_bonus, without_bonus
+from tstar_rl.launch.bonus import bonus_source, with_bonus, with_some_bonus, without_bonus
 from tstar_rl.launch.code_of_commit import code_of_commit, configs_of
 from tstar_rl.launch.overrides import passed_on, section_of
 from tstar_rl.launch.side_by_side import Step, run_side_by_side
@@ -59,6 +59,7 @@ def main(config: DictConfig) -> None:
     code = {commit: code_of_commit(commit, Path(config.runs_dir) / "code") for commit in sorted(named)}
     run, stopped = _Steps(code, end, published), None
     _check(lanes, code)
+    _check_bonuses(lanes, code, published)
     try:
         run_side_by_side(lanes, (), config.processes, run)
     except SystemExit as stop:
@@ -87,6 +88,10 @@ def _declared(config: DictConfig) -> DeclaredExperiment:
         )
     changes_nothing = set(MACHINE_ONLY) - {"evaluation"}
     other = [value for value in passed_on(OWN) if section_of(value) not in changes_nothing]
+    chosen = [value for value in passed_on(set(OWN) - {"experiment"}) if section_of(value) == "experiment"]
+    other += [
+        value for value in chosen if "=" not in value or not value.lstrip("+").startswith("experiment=")
+    ]
     if config.publish and other:
         raise InvalidValueError(
             f"publish=true publishes the experiment as it is declared, not with {other[0]}: publish=false tries that"
@@ -162,10 +167,23 @@ def _check(lanes: list[list[Planned]], code: dict[str, Path]) -> None:
     }
     for commit, step in kinds.values():
         if commit is None:
-            check_step(without_bonus(step))
+            check_step(with_some_bonus(step))
             continue
         with configs_of(code[commit]):  # whose recipes check more than that there are such values
-            step_config(without_bonus(step))
+            step_config(with_some_bonus(step))
+
+
+def _check_bonuses(lanes: list[list[Planned]], code: dict[str, Path], published: Path) -> None:
+    """Raises MissingFileError where the arm that decides another's bonus is neither there nor to be trained."""
+    for lane in lanes:
+        trained = {value for _, step in lane for value in step if value.startswith("system=")}
+        for commit, step in lane:
+            source = bonus_source(step)
+            if source is None or f"system={source}" in trained:
+                continue
+            with nullcontext() if commit is None else configs_of(code[commit]):
+                place = step_config(without_bonus(step))
+            with_bonus(step, place.task.name, place.seed, place.results_dir, place.runs_dir, published)
 
 
 def _lanes(config: DictConfig, declared: DeclaredExperiment, published: Path) -> list[list[Planned]]:

@@ -56,6 +56,27 @@ def test_a_chain_of_skills_with_other_figures_is_not_published(tmp_path):
     assert not (tmp_path / "b/t/tstar/seed0/evaluation.csv").exists()
 
 
+def test_runs_that_are_no_chains_of_such_skills_are_published(tmp_path):
+    """Every config names skills, also that of a policy of the whole task, whose name may be that of skills."""
+    whole, other, own = "t/gail_ppo/seed0", "t/ppo/seed0", "t/mine/gail_ppo/seed0/subtask0"
+    for place, progress in ((f"b/{whole}", 0.75), *((f"a/{name}", 0.5) for name in (whole, other, own))):
+        (tmp_path / place).mkdir(parents=True)
+        (tmp_path / place / "evaluation.csv").write_text(f"progress,minutes\n{progress},1\n")
+        (tmp_path / place / "config.yaml").write_text("skills: gail_ppo\n")
+    with pytest.raises(InvalidValueError, match=rf"that were: [^ ]*b/{whole}/evaluation.csv; delete"):
+        publish(tmp_path / "a", tmp_path / "b")
+    assert all((tmp_path / f"b/{name}/evaluation.csv").is_file() for name in (other, own))
+
+
+def test_what_was_evaluated_below_a_run_is_not_published_as_one(tmp_path):
+    """As `evaluate.py path=.../tstar/seed0/last/skill2` does."""
+    for place in ("tstar/seed0", "tstar/seed0/last"):
+        (tmp_path / "a/t" / place).mkdir(parents=True)
+        (tmp_path / "a/t" / place / "evaluation.csv").write_text("progress\n1\n")
+    written = publish(tmp_path / "a", tmp_path / "b")
+    assert written == [tmp_path / "b/t/tstar/seed0/evaluation.csv"]
+
+
 def test_runs_that_are_not_declared_stay_where_they_are(tmp_path):
     for arm, seed in (("tstar", 7), ("tstar", 1), ("own_starts", 7)):
         folder = tmp_path / f"a/table_lack/{arm}/seed{seed}"

@@ -8,6 +8,7 @@ import pytest
 from hydra import compose, initialize_config_dir
 
 from tstar_rl.config.values import CONFIGS
+from tstar_rl.launch import code_of_commit as made
 from tstar_rl.launch.code_of_commit import code_of_commit, configs_of
 from tstar_rl.launch.side_by_side import run_recipe
 from tstar_rl.runs.files import turn_to_write
@@ -100,6 +101,28 @@ def test_a_checkout_that_was_changed_is_refused(repository, tmp_path):
     git(place, "checkout", "--force", new)
     with pytest.raises(ValueError, match=f"is to be the code of {old}, but it is of {new}; delete it"):
         code_of_commit(old, tmp_path / "code", root)
+
+
+def test_a_checkout_that_a_kill_cut_off_is_begun_anew(repository, tmp_path, monkeypatch):
+    """Git has locked it then, and half of its files are there."""
+    root, (old, _) = repository
+    git_itself = made.subprocess.run
+
+    def cut_off(command, **how):
+        done = git_itself(command, **how)
+        if "add" in command:
+            place = Path(command[-2])
+            (place / "said.py").unlink()
+            Path(git(place, "rev-parse", "--git-dir"), "locked").write_text("initializing")
+            raise KeyboardInterrupt
+        return done
+
+    monkeypatch.setattr(made.subprocess, "run", cut_off)
+    with pytest.raises(KeyboardInterrupt):
+        code_of_commit(old, tmp_path / "code", root)
+    monkeypatch.undo()
+    place = code_of_commit(old, tmp_path / "code", root)
+    assert (place / "said.py").is_file() and [place] == list((tmp_path / "code").iterdir())
 
 
 def test_a_checkout_that_was_deleted_is_made_anew(repository, tmp_path):

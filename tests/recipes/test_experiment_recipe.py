@@ -174,6 +174,11 @@ def test_what_is_published_is_not_run_again(queue, tmp_path):
         (["d_omega.stps=1"], "d_omega.stps|d_omega has no stps"),
         (["publish=true", "d_omega.steps=1"], "as it is declared, not with d_omega.steps=1: publish=false"),
         (["publish=true", "evaluation.whole_episodes=2"], "not with evaluation.whole_episodes=2"),
+        (
+            ["publish=true", "experiment.scale=quick"],
+            "as it is declared, not with experiment.scale=quick: publish",
+        ),
+        (["publish=true", "++experiment.seeds=[1]"], "as it is declared, not with"),
         (["++experiment.name=d_omega"], "experiment.name in shelf.yaml must be shelf, got d_omega"),
     ],
 )
@@ -190,6 +195,11 @@ def test_what_every_lane_would_stumble_over_is_told_before_the_first_step(queue,
             ("tstar", "chain.rounds=two"),
             "tstar seed=2 chain.rounds=two: chain.rounds must be a whole number, got",
         ),
+        (("feasibility", "bonus_of=tstar"), "the config has no bonus"),
+        (
+            ("policy_sequencing", "reward.weights.tsr=0", "bonus_of=tstar"),
+            "bonus is paid by reward.weights.tsr, which must not be 0 then",
+        ),
         (("feasibility", "label=much"), "feasibility seed=2 label=much: label must be success or share"),
         (
             ("ppo", "reward.weights.gail=1"),
@@ -201,11 +211,20 @@ def test_a_mistake_is_told_before_the_first_step_whichever_lane_it_is_in(queue, 
     """With unpublished=true the first lanes can be empty, or have some arms alone."""
     import experiment
 
-    name, value = arm
-    lanes = [[], [(None, ("tstar", "seed=1")), (None, (name, "seed=2", value))]]
+    name, *values = arm
+    lanes = [[], [(None, ("tstar", "seed=1")), (None, (name, "seed=2", *values))]]
     monkeypatch.setattr(experiment, "_lanes", lambda *_: lanes)
     with pytest.raises(SystemExit, match=message):
         queue(takes=lambda step: pytest.fail(f"ran {step}"))
+
+
+def test_a_bonus_that_no_arm_decides_is_told_before_the_first_step(queue):
+    """Of an arm that is neither chosen, nor trained, nor published."""
+    values = ("experiment=narrow_no_gate", "tasks=[table_lack]", "seeds=[1300]")
+    with pytest.raises(
+        SystemExit, match="no results/narrow_no_gate/table_lack/tstar_no_gate/seed1300/metrics.csv"
+    ):
+        queue(*values, "arms=[buffer_bonus_no_gate]", takes=lambda step: pytest.fail(f"ran {step}"))
 
 
 def test_steps_that_differ_in_their_seed_are_looked_at_once(queue, monkeypatch):

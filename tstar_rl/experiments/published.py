@@ -52,8 +52,9 @@ def publish(
                 if there.is_file():
                     if not _has_figures_of(there, file):
                         differ.append(there)
-                        other_skills.add((place.task, place.system, place.seed))
-                elif (place.task, read_config(file.parent).get("skills"), place.seed) in other_skills:
+                        if place.subtask is not None:
+                            other_skills.add((place.task, place.system, place.seed))
+                elif place.subtask is None and _skills_of(file.parent, place) in other_skills:
                     differ.append(there)
                 elif tables:
                     written += _copy(tables, there.parent)
@@ -78,13 +79,20 @@ def _skills_first(
     errors: list[UserError] = []
     for file in sorted(source.rglob("evaluation.csv")):
         try:
-            place = read_run_path(file.parent.relative_to(source), source)[0]
+            place, below = read_run_path(file.parent.relative_to(source), source)
         except InvalidValueError as error:
             errors.append(error)
             continue
-        if declared(place):
+        if (
+            declared(place) and below == Path()
+        ):  # below it lies what was evaluated by its path, as a chain's one skill
             found.append((place.subtask is None, file, target / file.relative_to(source)))
     return [(file, there) for _, file, there in sorted(found)], errors
+
+
+def _skills_of(run: Path, place: Place) -> tuple[str, str | None, int]:
+    """Task, system and seed of the skills that a chain was made of."""
+    return place.task, read_config(run).get("skills"), place.seed
 
 
 def _whole_tables(run: Path) -> list[Path]:

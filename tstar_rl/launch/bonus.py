@@ -7,12 +7,17 @@ from tstar_rl.launch.side_by_side import Step
 from tstar_rl.runs.csv_tables import read_table
 from tstar_rl.runs.run_folder import FINISHED, made_by, run_path
 
-__all__ = ["BONUS", "mean_bonus", "with_bonus", "with_some_bonus", "without_bonus"]
+__all__ = ["BONUS", "bonus_source", "mean_bonus", "with_bonus", "with_some_bonus", "without_bonus"]
 
 BONUS = "bonus_of="
 """Stands in a step's values for a bonus that is known once another arm has been trained."""
 OF_EVERY_SKILL = ("reward_env", "reward_gail")
 """Columns of a run whose next skill pays nothing."""
+
+
+def bonus_source(step: Step) -> str | None:
+    """The arm that decides a step's bonus; None where the step waits for none."""
+    return next((value.removeprefix(BONUS) for value in step if value.startswith(BONUS)), None)
 
 
 def without_bonus(step: Step) -> Step:

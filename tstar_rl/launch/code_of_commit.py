@@ -33,8 +33,7 @@ def code_of_commit(commit: str, folder: Path, repository: Path = CONFIGS.parent)
     place = folder.resolve() / commit[:12]
     with turn_to_write(place.parent):  # another process may be making it
         if not place.is_dir():
-            _git(repository, "worktree", "prune")  # one that somebody deleted would be in the way
-            _git(repository, "worktree", "add", "--detach", str(place), commit)
+            _check_out(commit, place, repository)
     head, changed = _git(place, "rev-parse", "HEAD"), _git(place, "status", "--porcelain")
     if head != commit or changed:
         found = f"is of {head}" if not changed else f"was changed: {' '.join(changed.split())}"
@@ -59,6 +58,17 @@ def configs_of(root: Path) -> Iterator[None]:
 def environ_of(root: Path) -> dict[str, str]:
     """The environment in which Python finds a checkout's code before any that is installed."""
     return {**os.environ, "PYTHONPATH": os.pathsep.join((str(root), str(root / "envs")))}
+
+
+def _check_out(commit: str, place: Path, repository: Path) -> None:
+    """Makes a checkout beside its place and moves it there once it is whole: one that a kill cut off is begun anew.
+
+    Twice --force: git locks a worktree while it makes it, and one that was cut off, or deleted by hand, is still known.
+    """
+    stage = place.with_name(f"{place.name}.making")
+    shutil.rmtree(stage, ignore_errors=True)
+    _git(repository, "worktree", "add", "--force", "--force", "--detach", str(stage), commit)
+    _git(repository, "worktree", "move", "--force", "--force", str(stage), str(place))
 
 
 def _hash_of(commit: str, repository: Path) -> str:
