@@ -23,6 +23,11 @@ signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background
 side_by_side.RECIPES = Path(sys.argv[1])
 side_by_side.run_side_by_side([[("wait", "a"), ("wait", "b")], [("wait", "c"), ("wait", "d")], [("wait", "e")]], [], 2)
 """
+OUTER = """
+import os, sys
+from tstar_rl.launch.children import run_child
+run_child([sys.executable, "-c", *sys.argv[1:]], os.environ)
+"""
 WAIT = """
 import os, sys, time
 from pathlib import Path
@@ -66,6 +71,26 @@ def test_a_child_that_takes_too_long_is_killed(tmp_path):
     note = tmp_path / "note"
     with pytest.raises(subprocess.TimeoutExpired):
         run_child(["sh", "-c", f"echo $$ > {note}; exec sleep 60"], os.environ, 2)
+    assert not lives(int(note.read_text()))
+
+
+def test_a_child_ends_its_own_children_before_it_is_killed(tmp_path):
+    """As assemble.py does when bench.py, which has started it, is told to end."""
+    (tmp_path / "wait.py").write_text(WAIT)
+    outer = subprocess.Popen([sys.executable, "-c", OUTER, QUEUE, str(tmp_path)], stderr=subprocess.PIPE)
+    steps = wait_for(tmp_path / "a", tmp_path / "c")
+    outer.terminate()
+    outer.communicate(timeout=30)
+    assert outer.returncode == 143 and not any(map(lives, steps))
+
+
+def test_a_child_that_does_not_end_is_killed(tmp_path, monkeypatch):
+    monkeypatch.setattr("tstar_rl.launch.children.GRACE", 0.2)
+    note = tmp_path / "note"
+    with pytest.raises(subprocess.TimeoutExpired):
+        run_child(
+            ["bash", "-c", f"trap '' TERM; echo $$ > {note}; while :; do sleep 0.1; done"], os.environ, 2
+        )
     assert not lives(int(note.read_text()))
 
 

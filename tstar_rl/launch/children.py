@@ -4,10 +4,13 @@ import signal
 import subprocess
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import NoReturn
 
 __all__ = ["child", "end_children", "ended_by_kill", "run_child"]
+
+GRACE = 5.0
+"""Seconds that a process has to end those that it has started itself, once it is told to end."""
 
 _ends: set[Callable[[], object]] = set()
 """What ends each of those that are running."""
@@ -25,14 +28,24 @@ def run_child(command: Sequence[str], environ: Mapping[str, str], seconds: float
         Its exit code; that of a signal is negative.
 
     Raises:
-        TimeoutExpired: if it was not done in `seconds`; it is killed then, as it is by whatever else ends the wait.
+        TimeoutExpired: if it was not done in `seconds`; it is ended then, as it is by whatever else ends the wait: told
+            to end, and killed where it has not after some seconds.
     """
     with ended_by_kill(), subprocess.Popen(command, env=environ) as process, child(process.terminate):
         try:
             return process.wait(seconds)
         except BaseException:
-            process.kill()
+            _end(process)
             raise
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    process.terminate()
+    try:
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(GRACE)
+    finally:
+        process.kill()  # nothing happens to one that has ended
 
 
 @contextmanager

@@ -89,7 +89,7 @@ def run_side_by_side(
                 if not stopped.is_set():
                     (run or run_recipe)(step, shared, line)
         except (SystemExit, UserError, HydraException, OmegaConfBaseException) as failure:
-            return str(failure)
+            return str(failure) or repr(failure)
         except OSError as failure:
             return of_the_disk(failure)
         except Exception as failure:  # of the program: the other lanes' hours are not lost to it
@@ -101,7 +101,7 @@ def run_side_by_side(
     with ended_by_kill(), ThreadPoolExecutor(processes) as pool:
         running = [pool.submit(follow, lane) for lane in range(len(lanes))]
         try:
-            failures = [failure for lane in running if (failure := lane.result())]
+            failures = [failure for lane in running if (failure := lane.result()) is not None]
         except BaseException:
             stopped.set()
             while not all(lane.done() for lane in running):
