@@ -8,7 +8,12 @@ from tstar_rl.runs.run import Run
 
 
 def a_run(
-    folder: Path, resume: bool = True, trials: bool = False, unread: tuple[str, ...] = (), **values
+    folder: Path,
+    resume: bool = True,
+    trials: bool = False,
+    unread: tuple[str, ...] = (),
+    subtask: int | None = None,
+    **values,
 ) -> Run:
     config = {
         "task": {"name": "table"},
@@ -18,7 +23,7 @@ def a_run(
         "progress_bar": False,
     }
     places = {"results_dir": str(folder / "results"), "runs_dir": str(folder / "runs")}
-    return Run({**config, **places, **values}, trials=trials, unread=unread)
+    return Run({**config, **places, **values}, subtask, trials=trials, unread=unread)
 
 
 def contents(folder: Path) -> dict[str, bytes]:

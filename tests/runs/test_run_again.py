@@ -10,6 +10,7 @@ from tstar_rl.checks import MissingFileError, NothingToDo
 from tstar_rl.runs import checkpoint
 from tstar_rl.runs.mismatch import CheckpointMismatchError
 from tstar_rl.runs.run_config import note_evaluation, read_config
+from tstar_rl.runs.versions import UNKNOWN
 
 
 def test_another_config_stops_a_run_that_resumes_and_leaves_it_finished(tmp_path):
@@ -67,6 +68,21 @@ def test_a_run_that_has_finished_and_has_a_checkpoint_is_not_gone_over_again(tmp
         a_run(tmp_path, training={"total_steps": 1}).start()
     assert contents(tmp_path) == before
     assert a_run(tmp_path, training={"total_steps": 20}).start() == 10  # more steps are something to do
+
+
+def test_a_run_whose_config_is_lost_goes_on_and_says_so(tmp_path):
+    """What it began with is not known, so that it passes for no run of one commit, and for none of another config."""
+    a_run_that_saved(tmp_path)
+    run = a_run(tmp_path)
+    whole = read_config(run.results)
+    (run.results / "config.yaml").unlink()
+    run.start(module=torch.nn.Linear(1, 1))
+    found = read_config(run.results)
+    assert {name: found[name] for name in whole if name != "versions"} == {
+        name: value for name, value in whole.items() if name != "versions"
+    }
+    assert found["versions"] == {"commit": UNKNOWN}
+    assert [line["what"] for line in found["later"]] == ["resumed"]
 
 
 def test_an_evaluation_is_of_the_steps_that_a_run_was_given(tmp_path):

@@ -133,6 +133,13 @@ def test_a_commit_says_whether_the_code_differs_from_it(tmp_path, monkeypatch):
     assert versions.commit() == clean
     (tmp_path / "new.py").write_text("")
     assert versions.commit() == f"{clean}-dirty"
+    itself = subprocess.run
+
+    def no_status(command, **how):
+        return itself([*command[:3], "no-such-command"] if "status" in command else command, **how)
+
+    monkeypatch.setattr(versions.subprocess, "run", no_status)
+    assert versions.commit() == ""  # not known, which is not clean
 
 
 def test_two_runs_do_not_write_one_results_folder(tmp_path):

@@ -9,6 +9,7 @@ import json
 import shutil
 import time
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from torchrl.checkpoint import GlobalRNGState
@@ -19,9 +20,10 @@ from tstar_rl.runs import checkpoint, lock
 from tstar_rl.runs.best_so_far import BestSoFar
 from tstar_rl.runs.csv_tables import LogError, MetricsLog
 from tstar_rl.runs.files import put_back, replacing
+from tstar_rl.runs.measured import forget_measurements
 from tstar_rl.runs.mismatch import MACHINE_ONLY, CheckpointMismatchError, as_begun, check_config
-from tstar_rl.runs.run_config import note_resumed, note_section, read_config, write_config
-from tstar_rl.runs.run_folder import FINISHED, SAVED, run_path
+from tstar_rl.runs.run_config import note_resumed, note_section, read_config, restore_config, write_config
+from tstar_rl.runs.run_folder import FINISHED, SAVED, UNTRAINED, run_path
 
 __all__ = ["Run"]
 
@@ -92,8 +94,8 @@ class Run:
     def start(self, **components: Any) -> int:
         """Names what a checkpoint holds, resumes from one if there is one, and returns the steps done so far.
 
-        A run that begins anew deletes what one before it has left under its name: checkpoints and evaluations. One that
-        has finished with the same config begins anew with resume=false alone.
+        A run that begins anew deletes what one before it has left under its name: checkpoints, evaluations and what was
+        measured of it (`measured`). One that has finished with the same config begins anew with resume=false alone.
 
         Raises:
             NothingToDo: if it has finished, and no more steps are asked for.
@@ -116,10 +118,10 @@ class Run:
                 self._stop_if_done()
             if self.config["resume"]:
                 self._check_alone()
-            finished.unlink(missing_ok=True)  # first: what is half deleted is not done
+            self._forget_measurements()
+            finished.unlink(missing_ok=True)  # before the rest: what is half deleted is not done
             for name in ("checkpoints", *SAVED):
                 shutil.rmtree(self.work / name, ignore_errors=True)
-            (self.results / "evaluation.csv").unlink(missing_ok=True)
             for name in LOGS:
                 getattr(self, name).truncate(0)
             write_config(self.results, self.config)
@@ -132,14 +134,24 @@ class Run:
                 checkpoint.load(found, self.components, **begun)
             except (CheckpointMismatchError, checkpoint.DamagedCheckpointError, LogError) as error:
                 raise type(error)(f"{error} (resume=false starts over)") from error
-            finished.unlink(missing_ok=True)  # first: until it is done again
+            if changed:
+                self._forget_measurements()  # of the run with fewer steps
+            finished.unlink(missing_ok=True)  # before the rest: until it is done again
+            if not read_config(self.results):
+                restore_config(self.results, self.config)
             note_resumed(self.results, self.env_steps)
             for section in changed:  # that of more steps, if any
                 note_section(self.results, section, self.record[section])
-                (self.results / "evaluation.csv").unlink(missing_ok=True)  # of the run with fewer steps
         self.bar.update(self.env_steps - self.bar.n)
         self._clock = time.perf_counter()
         return self.env_steps
+
+    def _forget_measurements(self) -> None:
+        """Deletes what was measured of the run that lies here; of a skill's also what was of the untrained chain."""
+        system, subtask = self.config["system"], self.record["subtask"]
+        untrained = {UNTRAINED} if subtask is not None and self.config.get("skills") == system else set()
+        task = Path(self.config["results_dir"]) / self.config["task"]["name"]
+        forget_measurements(self.results, task, {system} | untrained, self.config["seed"])
 
     def _stop_if_done(self, changed: Sequence[str] = ()) -> None:
         """Raises NothingToDo if the run has finished, and what it has trained is there, unless it is to go on.

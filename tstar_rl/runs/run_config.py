@@ -8,7 +8,7 @@ import yaml
 
 from tstar_rl.checks import UserError
 from tstar_rl.runs.files import replacing, turn_to_write
-from tstar_rl.runs.versions import versions
+from tstar_rl.runs.versions import UNKNOWN, versions
 
 __all__ = [
     "DamagedConfigError",
@@ -16,6 +16,7 @@ __all__ = [
     "note_resumed",
     "note_section",
     "read_config",
+    "restore_config",
     "write_config",
 ]
 
@@ -56,6 +57,12 @@ def write_config(folder: Path, config: Mapping[str, Any]) -> None:
     """Writes config.yaml: plain values, the versions of what they ran on, and the commit."""
     with turn_to_write(folder):
         _replace(folder, {**config, "versions": versions()})
+
+
+def restore_config(folder: Path, config: Mapping[str, Any]) -> None:
+    """Writes the config.yaml of a run that has begun and whose file is lost: what it began with is not known."""
+    with turn_to_write(folder):
+        _replace(folder, {**config, "versions": {"commit": UNKNOWN}})
 
 
 def note_resumed(folder: Path, env_steps: int) -> None:

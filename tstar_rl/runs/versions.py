@@ -47,18 +47,18 @@ def processor(cpuinfo: Path = Path("/proc/cpuinfo")) -> str:
 def commit() -> str:
     """Of the repository that this file is tracked in, `DIRTY` at its end if code or configs differ from it.
 
-    Empty without git, or where the package is installed and no clone, also if it lies below another repository.
+    Empty without git, where git fails, or where the package is installed and no clone, also if it lies below another
+    repository.
     """
     root, here = Path(__file__).parents[2], Path(__file__).name
     try:
-        tracked = _git(Path(__file__).parent, "ls-files", "--error-unmatch", here)
-        head = _git(root, "rev-parse", "HEAD") if tracked else ""
-        dirty = head and _git(root, "status", "--porcelain", "--", *CODE)
-    except FileNotFoundError:
+        _git(Path(__file__).parent, "ls-files", "--error-unmatch", here)
+        head, changed = _git(root, "rev-parse", "HEAD"), _git(root, "status", "--porcelain", "--", *CODE)
+    except (FileNotFoundError, subprocess.CalledProcessError):
         return ""
-    return f"{head}{DIRTY}" if dirty else head
+    return f"{head}{DIRTY}" if changed else head
 
 
 def _git(folder: Path, *command: str) -> str:
-    done = subprocess.run(["git", "-C", str(folder), *command], capture_output=True, text=True, check=False)
-    return done.stdout.strip() if done.returncode == 0 else ""
+    done = subprocess.run(["git", "-C", str(folder), *command], capture_output=True, text=True, check=True)
+    return done.stdout.strip()

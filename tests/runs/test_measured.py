@@ -1,0 +1,68 @@
+"""What was measured of a run goes with it; other runs' rows stay."""
+
+import pandas as pd
+import pytest
+from saved_run import a_run
+
+from tstar_rl.runs.csv_tables import LogError
+
+ROWS = [("chain", 0), ("chain", 1), ("other", 0), ("no_finetuning", 0)]
+
+
+def measured(folder, *names: str) -> None:
+    (folder / "results/table").mkdir(parents=True, exist_ok=True)
+    for name in names:
+        rows = pd.DataFrame(ROWS, columns=["system", "seed"]).assign(progress=0.5)
+        rows.to_csv(folder / f"results/table/{name}.csv", index=False)
+
+
+def left(folder, name: str) -> list[tuple[str, int]]:
+    table = pd.read_csv(folder / f"results/table/{name}.csv")
+    return [(str(row["system"]), int(row["seed"])) for _, row in table.iterrows()]
+
+
+def test_a_run_that_begins_anew_takes_its_measurements_with_it(tmp_path):
+    names = ("hand_over", "hand_over_gap", "seams", "exchanged", "exchanged_other")
+    measured(tmp_path, *names, "exchanged_chain", "mine")
+    run = a_run(tmp_path, resume=False)
+    for name in ("evaluation", "moved_parts", "ways_home", "mine"):
+        (run.results / f"{name}.csv").write_text("progress\n1\n")
+    run.start()
+    for name in names:
+        assert left(tmp_path, name) == ROWS[1:], name
+    assert left(tmp_path, "exchanged_chain") == [("chain", 1)], "each chain there was exchanged with this one"
+    assert left(tmp_path, "mine") == ROWS, "what no recipe of ours wrote"
+    assert [file.name for file in run.results.glob("*.csv")] == ["mine.csv"]
+
+
+def test_a_run_that_goes_on_to_more_steps_does_so_too(tmp_path):
+    run = a_run(tmp_path, training={"total_steps": 1})
+    run.start()
+    run.log(10)
+    run.save_if_due(0)
+    run.finish()
+    measured(tmp_path, "hand_over_gap")
+    a_run(tmp_path, training={"total_steps": 1}).start()
+    assert left(tmp_path, "hand_over_gap") == ROWS, "it ends where it ended"
+    a_run(tmp_path, training={"total_steps": 20}).start()
+    assert left(tmp_path, "hand_over_gap") == ROWS[1:]
+
+
+def test_a_skills_measurements_are_the_untrained_chains_too(tmp_path):
+    measured(tmp_path, "seams")
+    a_run(tmp_path, system="gail_ppo", skills="gail_ppo", resume=False).start()
+    assert left(tmp_path, "seams") == ROWS, "a policy of the whole task is no skill"
+    a_run(tmp_path, subtask=2, system="gail_ppo", skills="gail_ppo", resume=False).start()
+    assert left(tmp_path, "seams") == ROWS[:3]
+
+
+def test_a_damaged_table_is_named_and_the_run_before_stays(tmp_path):
+    run = a_run(tmp_path, resume=False)
+    for name in ("last", "checkpoints"):
+        (run.work / name).mkdir()
+    (run.work / "finished.json").write_text("{}")
+    (tmp_path / "results/table/seams.csv").write_text("system,seed\nchain,0")
+    with pytest.raises(LogError, match="seams.csv is damaged"):
+        run.start()
+    assert (run.work / "last").is_dir() and (run.work / "checkpoints").is_dir()
+    assert (run.work / "finished.json").is_file()

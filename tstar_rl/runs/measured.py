@@ -1,0 +1,49 @@
+"""What was measured of a training that had ended, and goes when it begins anew or goes on: it is of another then.
+
+What measures: recipes evaluate, hand_over, hand_over_gap, exchanged, moved_parts, ways_home and plot_latents.
+"""
+
+from collections.abc import Collection
+from pathlib import Path
+
+from tstar_rl.runs.csv_tables import read_table, write_table
+from tstar_rl.runs.files import turn_to_write
+
+__all__ = ["forget_measurements"]
+
+OF_A_RUN = ("evaluation.csv", "moved_parts.csv", "ways_home.csv", "latents.csv")
+"""Tables in the folder of the run's results."""
+OF_CHAINS = ("hand_over.csv", "hand_over_gap.csv", "seams.csv", "exchanged.csv", "exchanged_*.csv")
+"""Tables in the task's folder, with a row or some for each system and seed."""
+
+
+def forget_measurements(run: Path, task: Path, systems: Collection[str], seed: int) -> None:
+    """Deletes a run's measurements; other runs' rows stay.
+
+    Args:
+        run: folder of its results.
+        task: the folder of results of its task.
+        systems: the chains that it has part in.
+        seed: of the run.
+
+    Raises:
+        LogError: a table of the task is damaged; nothing of that table, or of those after it, is changed.
+    """
+    for pattern in OF_CHAINS:
+        for path in task.glob(pattern):
+            _drop(path, systems, seed)
+    for name in OF_A_RUN:
+        (run / name).unlink(missing_ok=True)
+
+
+def _drop(path: Path, systems: Collection[str], seed: int) -> None:
+    against = {f"exchanged_{name.replace('/', '_')}.csv" for name in systems}
+    with turn_to_write(path.parent):
+        table = read_table(path)
+        theirs = table["seed"] == seed
+        if path.name not in against:  # there the skills of all chains were exchanged with those of this one
+            theirs &= table["system"].isin(list(systems))
+        if theirs.all():
+            path.unlink()
+        elif theirs.any():
+            write_table(path, table[~theirs])
