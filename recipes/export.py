@@ -25,6 +25,7 @@ from tstar_rl.config.values import plain
 from tstar_rl.config.worlds import check_world
 from tstar_rl.demonstrations.formats import (
     Recording,
+    data_set_of_another_world,
     not_reproduced,
     of_another_world,
     read_hdf5,
@@ -70,19 +71,26 @@ def main(config: DictConfig) -> None:
         print(f"{task}, {part}: {len(recording.episodes)} episodes, of which {won} succeeded")
         if not recording.episodes:
             continue
+        path = Path(config.exports_dir) / task / name / f"{part}.hdf5"
+        root = os.environ.get("MINARI_DATASETS_PATH") or Path(config.exports_dir) / "minari"
+        dataset_id = f"tstar/{task}/{part}_{name}-v0"
         if "hdf5" in config.formats:
-            path = Path(config.exports_dir) / task / name / f"{part}.hdf5"
-            if other := of_another_world(recording, path):
-                raise InvalidValueError(
-                    f"{path} is of another world: {'; '.join(other)}. Give dataset=... or exports_dir=..., or delete it"
-                )
+            _refuse(path, of_another_world(recording, path))
+        if "minari" in config.formats:
+            _refuse(Path(root) / dataset_id, data_set_of_another_world(recording, dataset_id, root))
+        if "hdf5" in config.formats:
             write_hdf5(recording, path)
             print(f"  {path}{_played_again(path, config) if config.check else ''}")
         if "minari" in config.formats:
-            root = os.environ.get("MINARI_DATASETS_PATH") or Path(config.exports_dir) / "minari"
-            dataset_id = f"tstar/{task}/{part}_{name}-v0"
             write_minari(recording, dataset_id, root)
             print(f"  MINARI_DATASETS_PATH={root}: {dataset_id}")
+
+
+def _refuse(path: Path, differences: list[str]) -> None:
+    if differences:
+        raise InvalidValueError(
+            f"{path} is of another world: {'; '.join(differences)}. Give dataset=... or exports_dir=..., or delete it"
+        )
 
 
 def _name(config: DictConfig) -> str:

@@ -100,6 +100,16 @@ def test_a_minari_data_set_that_a_kill_left_aside_is_put_back_also_if_the_new_on
     assert [file.name for file in there.parent.iterdir() if file.name.startswith(".")] == []
 
 
+def test_what_a_kill_left_of_a_data_set_is_removed_and_nothing_of_others(recording, tmp_path):
+    there = write_minari(recording, DATASET, tmp_path)
+    left = [there.with_name(f".{there.name}.old-{'0' * 32}"), tmp_path / ".writing-tstar_chair_script-v0-x"]
+    others = [tmp_path / ".writing-tstar_chair_other-v0-x"]
+    for folder in (*left, *others):
+        folder.mkdir()
+    write_minari(recording, DATASET, tmp_path)
+    assert not any(folder.exists() for folder in left) and all(folder.is_dir() for folder in others)
+
+
 @pytest.mark.parametrize("missing", ["h5py", "minari"])
 def test_a_library_that_is_not_installed_is_named(recording, tmp_path, monkeypatch, missing):
     def without(name):

@@ -117,6 +117,21 @@ def test_episodes_of_a_run_are_of_the_world_that_it_was_trained_in(call, say, tm
         shutil.rmtree(tmp_path / "exports")
 
 
+def test_a_data_set_of_another_world_is_not_replaced(call, say, tmp_path, monkeypatch):
+    """One folder of data sets may be that of two exports_dir. Nothing is written then, in the other format neither."""
+    minari = pytest.importorskip("minari")
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path / "minari"))
+    Skill("chair_ingolf", 1, NetworkSettings(hidden=(8,))).save(tmp_path / "mine")
+    values = [*QUICK, "episodes=1", "check=false", "path=mine"]
+    call("export", *values, "+env.max_steps=2")
+    told = say("export", *values, "+env.max_steps=3", "exports_dir=elsewhere")
+    assert (
+        "subtask1_mine-v0 is of another world: max_steps was 2 when it was saved, and is 3 now. Give" in told
+    )
+    assert minari.load_dataset("tstar/chair_ingolf/subtask1_mine-v0").total_steps == 2
+    assert not (tmp_path / "elsewhere").exists()
+
+
 def test_an_episode_that_differs_is_told(call, tmp_path, monkeypatch, capsys):
     """As on another processor: the file's rewards are not those of this simulator."""
     module = load_recipe("export")

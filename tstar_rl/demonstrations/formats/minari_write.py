@@ -1,5 +1,6 @@
 """Writes episodes as a Minari data set; `minari.load_dataset` reads it, `recover_environment` makes its environment."""
 
+import json
 import os
 import shutil
 import tempfile
@@ -15,9 +16,10 @@ import torch
 from tstar_rl.checks import InvalidValueError, import_extra
 from tstar_rl.demonstrations.formats.recording import Episode, Recording
 from tstar_rl.demonstrations.formats.states import StateLayout
-from tstar_rl.runs.files import put_back, replace_folder
+from tstar_rl.runs.files import put_back, remove_remains, replace_folder
+from tstar_rl.runs.mismatch import differences
 
-__all__ = ["ROOT", "write_minari"]
+__all__ = ["ROOT", "data_set_of_another_world", "write_minari"]
 
 ROOT = "MINARI_DATASETS_PATH"
 """The environment variable in which Minari looks for the folder of all data sets; without it that is ~/.minari."""
@@ -28,7 +30,8 @@ INFOS = ("subtask", "phase", "completed", "success")
 def write_minari(recording: Recording, dataset_id: str, root: str | Path) -> Path:
     """Writes a data set below `root`; one of that name that is there stays whole until the new one is complete.
 
-    A kill between the two leaves the old one hidden beside it, and the next call puts it back first.
+    A kill between the two leaves the old one hidden beside it, and the next call puts it back first. What else a kill
+    has left of this data set is removed.
 
     Observations and infos have T + 1 rows, the rest T. `infos["state"]` are full states, and the metadata's
     `state_layout` says what is where in them; `infos["expert_action"]` (last row 0) is what to imitate, where an
@@ -62,10 +65,27 @@ def write_minari(recording: Recording, dataset_id: str, root: str | Path) -> Pat
     root = Path(root).resolve()
     root.mkdir(parents=True, exist_ok=True)
     put_back(root / dataset_id)
-    with tempfile.TemporaryDirectory(dir=root, prefix=".writing") as folder, _datasets_in(folder):
+    remove_remains(root / dataset_id)
+    writing = f".writing-{dataset_id.replace('/', '_')}-"
+    for left in root.glob(f"{writing}*"):
+        shutil.rmtree(left, ignore_errors=True)
+    with tempfile.TemporaryDirectory(dir=root, prefix=writing) as folder, _datasets_in(folder):
         _create(recording, dataset_id)
         _move(Path(folder), root, dataset_id)
     return root / dataset_id
+
+
+def data_set_of_another_world(recording: Recording, dataset_id: str, root: str | Path) -> list[str]:
+    """Readable differences between the world of a data set that is there and a recording's; none where none is."""
+    put_back(place := Path(root).resolve() / dataset_id)
+    if not place.is_dir():
+        return []
+    try:
+        metadata = json.loads((place / "data" / "metadata.json").read_text())
+        there = json.loads(metadata["env_spec"])["kwargs"]
+    except (OSError, KeyError, TypeError, ValueError):
+        return ["it is no data set of Minari's with an environment"]
+    return differences(there, json.loads(json.dumps(recording.arguments)))
 
 
 def _create(recording: Recording, dataset_id: str) -> None:
