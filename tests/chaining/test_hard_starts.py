@@ -1,6 +1,11 @@
 """Episodes begin where a classifier of the skill's own outcomes expects failure, in that skill's turn alone."""
 
+from unittest.mock import Mock
+
+import pytest
+
 from tstar_rl.chaining.turns import Turn
+from tstar_rl.checks import InvalidValueError
 
 TWO = ("chain.gate=false", "chain.links=2")
 
@@ -34,6 +39,12 @@ def test_hard_starts_are_those_where_f_expects_failure(point_chain, monkeypatch)
         table = point_chain("feasibility", *values, f"hard_starts={share}", f"system=hard_{share}")
         assert ("own_feasibility_loss" in table) == bool(share)
     assert began[0.0][-1] < 0.65 and began[1.0][-1] > 0.85
+
+
+@pytest.mark.parametrize("share", [-0.5, 1.5])
+def test_a_share_of_hard_starts_that_is_none_is_refused(share):
+    with pytest.raises(InvalidValueError, match=rf"expected failure must be in \[0, 1\], got {share}"):
+        Turn.begin_where_it_fails(Mock(), lambda states: states, share)
 
 
 def test_hard_starts_end_with_their_turn(point_chain, monkeypatch):

@@ -122,6 +122,22 @@ def test_what_has_no_state_is_refused(point_chain, monkeypatch):
         point_chain("policy_sequencing", "chain.gate=false", "chain.links=2")
 
 
+def test_an_update_that_is_made_after_the_first_rollout_is_refused(point_chain, monkeypatch):
+    """A run that is resumed would go on with a fresh one, and the gate would not put it back."""
+    log = Training.log
+
+    def late(training, rollout, row):
+        settings = DiscriminatorSettings()
+        training.discriminator_update("further", training.skill, settings, initiation=1.0, termination=0.0)
+        log(training, rollout, row)
+
+    monkeypatch.setattr(Training, "log", late)
+    with pytest.raises(
+        InvalidValueError, match=r"update_further is made after the first rollout, .*make it before"
+    ):
+        point_chain("policy_sequencing", "chain.gate=false", "chain.links=2")
+
+
 def test_a_floor_that_a_network_was_not_made_with_is_told(point_chain, monkeypatch):
     """Asked for before the update that gives it, a network would be without its floor, and nobody would know."""
     policy_update = TurnUpdates.policy_update

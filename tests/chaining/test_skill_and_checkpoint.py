@@ -11,6 +11,7 @@ from torchrl.envs import ExplorationType, set_exploration_type
 from tstar_rl.chaining.chain import ChainPolicy, chain_folders, load_chain, save_chain
 from tstar_rl.chaining.skill import NetworkSettings, Skill
 from tstar_rl.checks import InvalidValueError, MissingFileError
+from tstar_rl.config.build import load_skill
 from tstar_rl.runs import checkpoint
 from tstar_rl.runs.checkpoint import DamagedCheckpointError
 from tstar_rl.runs.mismatch import CheckpointMismatchError, differences
@@ -33,6 +34,14 @@ def test_a_skill_comes_back(tmp_path):
         assert torch.equal(skill.policy(rows.clone())["action"], back.policy(rows.clone())["action"])
     assert torch.equal(skill.initiation_set.all()["observation"], back.initiation_set.all()["observation"])
     assert checkpoint.read_record(tmp_path / "skill")["env_steps"] == 7
+
+
+@pytest.mark.parametrize("load", [Skill.load, SpirlAgent.load, load_skill, load_chain])
+def test_what_a_run_goes_on_from_is_no_skill(tmp_path, load):
+    checkpoint.save_step(tmp_path, 8, {"module": torch.nn.Linear(1, 1)}, {"seed": 0})
+    told = "what a run goes on from: what it has trained lies beside its checkpoints"
+    with pytest.raises((InvalidValueError, MissingFileError), match=told):
+        load(checkpoint.latest(tmp_path))
 
 
 def test_a_skill_of_another_task_is_refused(tmp_path):

@@ -42,6 +42,17 @@ def test_a_d_omega_is_judged_once_it_was_trained_itself(point_chain):
     assert paid.loc[0].tolist() == [0, 0] and (paid.loc[1] > 0).all()
 
 
+def test_skills_whose_signals_no_trial_judges_are_told(point_chain, capsys):
+    values = ("chain.gate=false", "chain.links=2", "chain.rounds=2", "chain.steps_per_turn=512")
+    for every, told in ((2, True), (1, False)):
+        table = point_chain("tstar", *values, f"chain.trial_every={every}", f"system=every_{every}")
+        assert ("handed" not in table) == told
+        said = (
+            "no trial follows a turn of skill 0, so what their signals say is not judged: chain.trial_every=2"
+        )
+        assert (said in capsys.readouterr().out) == told
+
+
 def test_terminal_states_that_are_logged_are_those_the_skill_reached(point_chain, tmp_path, monkeypatch):
     monkeypatch.setattr(turns, "PARTS", 0)  # x and y in the place of poses
     short = ("chain.gate=false", "chain.steps_per_turn=512", "chain.trial_every=100", "chain.links=3")

@@ -243,5 +243,6 @@ def test_a_signal_that_reads_a_network_which_nothing_trains_is_told(point_chain,
     assert "asked for as a signal" not in capsys.readouterr().out
     monkeypatch.setattr(Turn, "once_learned", lambda turn, name, skill: once_learned(turn, "d_omgea", skill))
     point_chain("tstar", *SHORT, "chain.links=2", "system=misspelled")
-    told = "1/d_omgea: this network was asked for as a signal, and no turn that was kept has trained it: it paid 0"
+    told = "1/d_omgea: this network was asked for as a signal, and no turn that was kept has trained it: the chain has "
+    told += "learned nothing from what it paid"
     assert told in capsys.readouterr().out

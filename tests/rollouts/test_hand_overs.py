@@ -7,13 +7,18 @@ from tensordict import TensorDict
 from tstar_rl.rollouts.hand_overs import HandOvers
 
 
-def step(before: list[int], after: list[int], states: list[float]) -> TensorDict:
-    """A step of simulations that had done `before` subtasks and then `after`, and arrived in `states`."""
+def step(before: list[int], after: list[int], states: list[float], ended: tuple[int, ...] = ()) -> TensorDict:
+    """A step of simulations that had done `before` subtasks and then `after`, and arrived in `states`.
+
+    The episodes of those in `ended` are over then.
+    """
 
     def column(values, dtype):
         return torch.tensor(values, dtype=dtype).unsqueeze(-1)
 
+    done = [row in ended for row in range(len(before))]
     following = {"completed": column(after, torch.int64), "observation": column(states, torch.float32)}
+    following["done"] = column(done, torch.bool)
     return TensorDict({"completed": column(before, torch.int64), "next": following}, [len(before)])
 
 
@@ -37,6 +42,15 @@ def test_a_simulation_that_was_reset_does_not_lose_what_its_first_episode_did():
     (seam,) = watch.seams()
     assert seam.observations.tolist() == [[1.0]]
     assert seam.succeeded.tolist() == [True]
+
+
+def test_what_is_done_in_an_episodes_last_step_is_handed_to_nobody():
+    """As at the time limit, or where that step has moved another part away."""
+    watch = HandOvers(2)
+    watch(step([0, 0], [1, 1], [10.0, 20.0], ended=(1,)))
+    watch(step([1, 1], [2, 1], [11.0, 20.0], ended=(0,)))
+    (seam,) = watch.seams()
+    assert seam.observations.tolist() == [[10.0]] and seam.succeeded.tolist() == [True]
 
 
 def test_a_seam_that_nothing_reached_is_empty():

@@ -52,6 +52,15 @@ def test_simulations_that_cannot_be_shared_out_are_refused():
         RayCollection(make_environment, new_skill().policy, 5, 8, 2, seed=0)
 
 
+def test_a_worker_whose_starts_are_not_sent_keeps_those_that_it_has():
+    """As in the training of one skill from a set of a recipe's own, which does not change."""
+    policy, before = new_skill().policy, TerminationSet(4)
+    env = FurnitureEnv("table_lack", 2, 0, 1, seed=0, snapshots=True, max_steps=6)
+    before.extend(env.reset().select("observation", "snapshot"))
+    worker = Worker(make_environment(2, 0, before), policy, frames_per_batch=8, total_frames=-1)
+    assert worker.collect(policy.state_dict(), None, 0).batch_size == (2, 4) and len(before) == 2
+
+
 @pytest.fixture(scope="module")
 def cluster():
     """Two workers' room on this machine, gone after these tests."""

@@ -122,6 +122,14 @@ class ChainTraining:
                 path, following = found.path, self.skills[index + 1]
                 following.approaches.add(path.states, path.steps_left, trial.handed_over(index))
 
+    def never_judged(self) -> list[int]:
+        """Skills that hand over and whose turns no trial follows, where there are trials: see `GateSettings`."""
+        every, skills = self.gate.settings.trial_every, len(self.skills)
+        turns = range(every - 1, min(self.settings.rounds, every) * skills, every)
+        if self.gate.settings.rejects or self.settings.order == "costliest" or not turns:
+            return []
+        return sorted(set(range(skills - 1)) - {self.turn_order.skill_of(turn) for turn in turns})
+
     def kept_by(self, index: int) -> dict[str, Any]:
         """The updates and the collection of skill `index`, by name; a turn adds those that it makes."""
         return self._kept.setdefault(index, {})
@@ -170,7 +178,7 @@ class ChainTraining:
             (index, *each) for index, skill in enumerate(self.skills) for each in skill.networks.items()
         ]
         coarse = [f"{index}/{name}" for index, name, network in networks if network.coarse]
-        return state | {"coarse": coarse, "learned": sorted(self.learned)}
+        return state | {"coarse": coarse, "learned": sorted(self.learned), "asked": sorted(self.asked)}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """What `state_dict` gave; each is loaded when its turn comes."""
@@ -181,4 +189,4 @@ class ChainTraining:
         for place in state.get("coarse", ()):
             index, _, name = place.partition("/")
             self.skills[int(index)].network(name).coarse = True
-        self.learned = set(state.get("learned", ()))
+        self.learned, self.asked = set(state.get("learned", ())), set(state.get("asked", ()))

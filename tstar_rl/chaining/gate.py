@@ -18,7 +18,8 @@ class GateSettings:
     """Loss of progress that is accepted."""
     trial_every: int
     """Turns between trials of the chain, where no gate asks for one after each. If there are fewer turns in all,
-    none is run, and no chain is saved as the best."""
+    none is run, and no chain is saved as the best. A trial judges the signals of the skill whose turn it follows: where
+    this number and that of the skills have a factor in common, some skills' signals are never judged."""
 
 
 @dataclass(frozen=True)

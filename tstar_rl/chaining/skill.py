@@ -223,11 +223,11 @@ class Skill:
             InvalidValueError: if something else is saved there.
         """
         record = checkpoint.read_record(path, **expected)
-        built = record["built"]
         if (kind := kind_of(record)) != ONE_SKILL:
             raise InvalidValueError(
                 f"{path} is {kind}; a chain is made of skills of bc, ppo, gail or gail_ppo"
             )
+        built = record["built"]
         skill = cls(
             record["task"],
             record["subtask"],

@@ -91,6 +91,7 @@ class Training:
         self.skill, self.expert, self.run, self.settings = skill, expert, run, settings
         self.collection, self.seed, self.steps = collection, seed, run.env_steps
         self._row: dict[str, Any] | None = None
+        self._collects = False
 
     @property
     def progress(self) -> float:
@@ -130,7 +131,8 @@ class Training:
                 is in its state.
 
         Raises:
-            InvalidValueError: if it has no state, see `Update`, or the name is that of another update.
+            InvalidValueError: if it has no state, see `Update`, the name is that of another update, or there was a
+                rollout already.
         """
         if name == "policy" or name in self.skill.networks:
             raise InvalidValueError(
@@ -152,8 +154,17 @@ class Training:
         return None
 
     def _keep(self, name: str, made: AnyUpdate) -> AnyUpdate:
-        """Keeps an update, so that a checkpoint has its state; returns it."""
-        raise NotImplementedError
+        """Keeps an update, so that a checkpoint has its state; returns it.
+
+        Raises:
+            InvalidValueError: after the first rollout: neither a checkpoint nor the gate would know of it.
+        """
+        if self._collects:
+            raise InvalidValueError(
+                f"{name} is made after the first rollout, and a run that is resumed would go on with a fresh one: make "
+                "it before the loop over rollouts()"
+            )
+        return made
 
     def log(self, rollout: TensorDictBase, log: Mapping[str, Any]) -> None:
         """Notes what the recipe has found of this rollout; the row is written before the next one."""
@@ -165,6 +176,7 @@ class Training:
 
     def _collect(self, progress: float) -> TensorDictBase:
         """The next rollout, with the exploration of `progress`."""
+        self._collects = True
         if self.settings.exploration is not None and self.skill.settings.std == "fixed":
             self.settings.exploration.apply(self.skill.policy, progress, self.skill.actions)
         rollout = self.collection.rollout()
@@ -232,7 +244,7 @@ class SkillTraining(Training):
     def _keep(self, name: str, made: AnyUpdate) -> AnyUpdate:
         if name in self.updates:
             raise InvalidValueError(f"the training has an {name} already: an update is made once")
-        self.updates[name] = made
+        self.updates[name] = super()._keep(name, made)
         return made
 
     def _apart(self, rollout: TensorDictBase) -> Tensor | None:

@@ -77,8 +77,11 @@ class TurnStarts(TurnUpdates):
             share: in [0, 1]; the other starts are drawn uniformly. A Gaussian keeps its mean and its deviations.
 
         Raises:
-            InvalidValueError: if workers of a cluster collect; they draw starts from copies of the set.
+            InvalidValueError: for another share, or if workers of a cluster collect; they draw starts from copies of
+                the set.
         """
+        if not 0.0 <= share <= 1.0:
+            raise InvalidValueError(f"the share of starts by expected failure must be in [0, 1], got {share}")
         if isinstance(self.collection, RayCollection):
             raise InvalidValueError("starts by expected failure need collection.backend=local, got ray")
         if self.previous is None or not len(self.previous.termination_set):

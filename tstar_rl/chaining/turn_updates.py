@@ -139,7 +139,7 @@ class TurnUpdates(Training):
         return update
 
     def _keep(self, name: str, made: AnyUpdate) -> AnyUpdate:
-        self.kept[name] = made
+        self.kept[name] = super()._keep(name, made)
         self.chain.restore(self.index, name)
         return made
 

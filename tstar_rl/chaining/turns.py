@@ -111,7 +111,7 @@ class Turn(TurnStarts):
         self._load(self._before)
 
     def _load(self, state: dict[str, Any]) -> None:
-        """What `_state` gave. An update that has been made since stays as it is."""
+        """What `_state` gave."""
         state = deepcopy(state)
         self.skill.load_state_dict(state.pop("skill"))
         for index, networks in state.pop("others").items():
@@ -146,6 +146,11 @@ def chain_turns(chain: ChainTraining, **record: Any) -> Iterator[Turn]:
 
     chain.save = save
     run.start(chain=chain, **{f"skill{index}": skill for index, skill in enumerate(skills)})
+    if unknown := chain.never_judged():
+        print(
+            f"no trial follows a turn of skill {', '.join(map(str, unknown))}, so what their signals say is not "
+            f"judged: chain.trial_every={chain.gate.settings.trial_every} and {len(skills)} skills have a factor in common"
+        )
     if run.turn == 0 and chain.settings.seed_episodes:
         chain.seed_sets(run_trial(skills, chain.workshop.seeding_trial(), chain.settings.path_steps))
     while run.turn < chain.settings.rounds * len(skills):
@@ -163,7 +168,8 @@ def chain_turns(chain: ChainTraining, **record: Any) -> Iterator[Turn]:
     chain.close()
     for place in sorted(chain.asked - chain.learned):
         print(
-            f"{place}: this network was asked for as a signal, and no turn that was kept has trained it: it paid 0"
+            f"{place}: this network was asked for as a signal, and no turn that was kept has trained it: the chain has "
+            "learned nothing from what it paid"
         )
     save("last", run.env_steps)
     run.finish()

@@ -26,6 +26,7 @@ from tstar_rl.rollouts.state_sets import TerminationSet
 from tstar_rl.runs import checkpoint
 from tstar_rl.runs.mismatch import CHAINING
 from tstar_rl.runs.run import Run
+from tstar_rl.runs.saved_kinds import AN_AGENT, kind_of
 from tstar_rl.seeds import derive_seed
 from tstar_rl.spirl import LatentModelSettings, SpirlAgent
 from tstar_rl.transforms.skill_chain_reset import Starts
@@ -123,12 +124,12 @@ def new_spirl_agent(config: DictConfig, subtask: int | None) -> SpirlAgent:
 
 def load_skill(path: str | Path, **expected: Any) -> Skill | SpirlAgent:
     """The skill or the SPiRL agent saved at `path`; raises what their `load` does."""
-    built = checkpoint.read_record(path)["built"]
-    if isinstance(built, list):  # of all its policies
+    record = checkpoint.read_record(path)
+    if isinstance(record.get("built"), list):  # of all its policies
         raise InvalidValueError(
             f"{path} is a shipped chain: evaluate it with pretrained=<task>/<variant> pretrained_dir=..."
         )
-    return (SpirlAgent if "latent_model" in built else Skill).load(path, **expected)
+    return (SpirlAgent if kind_of(record) == AN_AGENT else Skill).load(path, **expected)
 
 
 def make_collection(

@@ -23,6 +23,8 @@ class HandOver(NamedTuple):
 class HandOvers:
     """Remembers the states in which subtasks were done, to be called with every step of `run_episodes` of a whole task.
 
+    One that is done in the step that ends the episode is handed to nobody.
+
     Args:
         links: skills of the chain.
 
@@ -36,17 +38,20 @@ class HandOvers:
         self.links = links
         self._completed: Tensor | None = None
         self._states: list[Tensor] = []
+        self._came: list[Tensor] = []
 
     def __call__(self, tensordict: TensorDictBase) -> None:
         """Takes the step's TensorDict, batch [N]."""
         before, after = (each["completed"].squeeze(-1) for each in (tensordict, tensordict["next"]))
-        found = tensordict["next", "observation"]
+        found, ended = tensordict["next", "observation"], tensordict["next", "done"].squeeze(-1)
         if self._completed is None:
             self._completed = torch.zeros_like(after)
             self._states = [torch.zeros_like(found) for _ in range(self.links - 1)]
-        for done, states in enumerate(self._states, start=1):
-            rows = (before < done) & (after >= done)
+            self._came = [torch.zeros_like(ended) for _ in range(self.links - 1)]
+        for done, (states, came) in enumerate(zip(self._states, self._came, strict=True), start=1):
+            rows = (before < done) & (after >= done) & ~ended
             states[rows] = found[rows]
+            came |= rows
         self._completed = torch.maximum(self._completed, after)
 
     def seams(self) -> list[HandOver]:
@@ -58,7 +63,6 @@ class HandOvers:
         if self._completed is None:
             raise ValueError("no step was taken yet: give this to run_episodes as each_step")
         found = []
-        for subtask, states in enumerate(self._states, start=1):
-            came = self._completed >= subtask
+        for subtask, (states, came) in enumerate(zip(self._states, self._came, strict=True), start=1):
             found.append(HandOver(subtask, states[came], self._completed[came] > subtask))
         return found

@@ -35,8 +35,9 @@ class Worker(Collector):
     ) -> TensorDictBase:
         """A rollout (N, T), on the CPU, of a policy and from starts given as their states; the seed is the actions'."""
         self.policy.load_state_dict(policy)
-        for termination_set in termination_sets(self.env):
-            termination_set.load_state_dict(starts)
+        if starts is not None:
+            for termination_set in termination_sets(self.env):
+                termination_set.load_state_dict(starts)
         torch.manual_seed(seed)
         return self.rollout().cpu().clear_device_()
 

@@ -143,7 +143,10 @@ def gaussian_counts(env: TransformedEnv) -> dict[str, int]:
 
 
 def state_of_sources(env: TransformedEnv) -> list[dict[str, Any]]:
-    """The state of every source that has one, in their order; sets of states are saved with their skills."""
+    """The state of every source that has one, in their order.
+
+    Sets of states are saved with their skills; one that is no skill's is whoever's it is, and is not saved here.
+    """
     return [each.state_dict() for each in _with_state(env)]
 
 

@@ -3,8 +3,9 @@
 from collections.abc import Mapping
 from typing import Any
 
-__all__ = ["ONE_SKILL", "kind_of"]
+__all__ = ["AN_AGENT", "ONE_SKILL", "kind_of"]
 
+AN_AGENT = "an agent of SPiRL: SpirlAgent.load reads it"
 ONE_SKILL = "one skill: Skill.load reads it"
 
 
@@ -12,10 +13,14 @@ def kind_of(record: Mapping[str, Any]) -> str:
     """What a record is of, and what reads it.
 
     Args:
-        record: what was saved with it, of a skill, an agent of SPiRL or a chain that `ship.py` wrote.
+        record: what was saved with it, of a skill, an agent of SPiRL, a chain that `ship.py` wrote, or a run that goes
+            on from there.
     """
-    if isinstance(record["built"], list):
+    built = record.get("built")
+    if built is None:
+        return "what a run goes on from: what it has trained lies beside its checkpoints, in last and best"
+    if isinstance(built, list):
         return "a shipped chain: load_pretrained(task, variant, folder=...) reads it"
-    if "latent_model" in record["built"]:
-        return "an agent of SPiRL: SpirlAgent.load reads it"
+    if "latent_model" in built:
+        return AN_AGENT
     return ONE_SKILL

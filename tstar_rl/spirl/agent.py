@@ -17,7 +17,7 @@ from tstar_rl.rollouts.collection import Collection, rollout_metrics
 from tstar_rl.runs import checkpoint
 from tstar_rl.runs.mismatch import CHAINING
 from tstar_rl.runs.run import Run
-from tstar_rl.runs.saved_kinds import kind_of
+from tstar_rl.runs.saved_kinds import AN_AGENT, kind_of
 from tstar_rl.spirl.latent_execution import LatentPolicy
 from tstar_rl.spirl.model import LatentModel, LatentModelSettings, LatentPrior, make_latent_actor
 
@@ -94,11 +94,9 @@ class SpirlAgent:
             InvalidValueError: if something else is saved there.
         """
         record = checkpoint.read_record(path, **expected)
+        if (kind := kind_of(record)) != AN_AGENT:
+            raise InvalidValueError(f"{path} is no agent of SPiRL, which spirl.py trains: it is {kind}")
         built = record["built"]
-        if "latent_model" not in built:
-            raise InvalidValueError(
-                f"{path} is no agent of SPiRL, which spirl.py trains: it is {kind_of(record)}"
-            )
         agent = cls(
             record["task"],
             record["subtask"],
