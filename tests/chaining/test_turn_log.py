@@ -47,9 +47,7 @@ def test_skills_whose_signals_no_trial_judges_are_told(point_chain, capsys):
     for every, told in ((2, True), (1, False)):
         table = point_chain("tstar", *values, f"chain.trial_every={every}", f"system=every_{every}")
         assert ("handed" not in table) == told
-        said = (
-            "no trial follows a turn of skill 0, so what their signals say is not judged: chain.trial_every=2"
-        )
+        said = "no trial follows a turn of skill 0, so their signals are not judged: chain.trial_every=2"
         assert (said in capsys.readouterr().out) == told
 
 

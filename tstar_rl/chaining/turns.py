@@ -148,8 +148,9 @@ def chain_turns(chain: ChainTraining, **record: Any) -> Iterator[Turn]:
     run.start(chain=chain, **{f"skill{index}": skill for index, skill in enumerate(skills)})
     if unknown := chain.never_judged():
         print(
-            f"no trial follows a turn of skill {', '.join(map(str, unknown))}, so what their signals say is not "
-            f"judged: chain.trial_every={chain.gate.settings.trial_every} and {len(skills)} skills have a factor in common"
+            f"no trial follows a turn of skill {', '.join(map(str, unknown))}, so their signals are not judged: "
+            f"chain.trial_every={chain.gate.settings.trial_every} and the number of skills, {len(skills)}, have a "
+            "factor in common"
         )
     if run.turn == 0 and chain.settings.seed_episodes:
         chain.seed_sets(run_trial(skills, chain.workshop.seeding_trial(), chain.settings.path_steps))
