@@ -34,16 +34,16 @@ BACKENDS = ("egl", "osmesa")
 OFF = ("off", "disable", "disabled", "false", "0")
 """Values of MUJOCO_GL that MuJoCo reads as no graphics."""
 CAMERA = "workplace"
+VARIABLES = ("MUJOCO_GL", "PYOPENGL_PLATFORM")
+"""Of the environment, that say which of them draws; the first that is set counts."""
 A_FILM = 2_000_000
 """Bytes; a film has half of it at most."""
 NOTICE = (
     "Nothing is drawn: neither EGL nor OSMesa works here (on Debian: apt-get install libosmesa6); "
     "everything else goes on without pictures."
 )
-ASKED = (
-    "Nothing is drawn: MUJOCO_GL asks for {}, which does not work here, and so the other one is not tried."
-)
-UNWANTED = "Nothing is drawn: MUJOCO_GL={} says so."
+ASKED = "Nothing is drawn: {} asks for {}, which does not work here, and so the other one is not tried."
+UNWANTED = "Nothing is drawn: {}={} says so."
 _PROBE = """
 import importlib, sys, mujoco
 context = importlib.import_module("mujoco." + sys.argv[1]).GLContext(16, 16)
@@ -56,9 +56,10 @@ context.free()
 @functools.cache
 def backend() -> str | None:
     """Returns the first of EGL and OSMesa that works, tried in its own process; None, and a warning, if none does."""
-    wanted = os.environ.get("MUJOCO_GL", "").lower() or os.environ.get("PYOPENGL_PLATFORM", "").lower()
+    variable = next((name for name in VARIABLES if os.environ.get(name)), VARIABLES[0])
+    wanted = os.environ.get(variable, "").lower()
     if wanted in OFF:
-        warnings.warn(UNWANTED.format(wanted), stacklevel=2)
+        warnings.warn(UNWANTED.format(variable, wanted), stacklevel=2)
         return None
     decided = wanted in BACKENDS
     for name in (wanted,) if decided else BACKENDS:
@@ -66,7 +67,7 @@ def backend() -> str | None:
         probe = subprocess.run([sys.executable, "-c", _PROBE, name], env=environment, capture_output=True)
         if probe.returncode == 0:
             return name
-    warnings.warn(ASKED.format(wanted) if decided else NOTICE, stacklevel=2)
+    warnings.warn(ASKED.format(variable, wanted) if decided else NOTICE, stacklevel=2)
     return None
 
 

@@ -136,7 +136,7 @@ class FurnitureEnv(EnvBase):
         """The scripted assembly policy as a map of TensorDicts.
 
         Writes `action` and the clean label `expert_action`. With `noise`, Gaussian noise of that standard deviation
-        is added to the seven arm components of `action`.
+        is added to the seven arm components of `action`, drawn from `generator`, without one from torch's.
 
         Raises:
             ValueError: the noise is negative or not finite.

@@ -18,8 +18,10 @@ def write_mp4(world: BatchedEnvironment, path: str | Path, positions: Tensor) ->
     renderer = rendering.make_renderer(world.drawn_model, smooth=False)
     if renderer is None:
         return False
-    rendering.write_mp4(path, (renderer.draw(row) for row in positions.cpu()))
-    renderer.close()
+    try:
+        rendering.write_mp4(path, (renderer.draw(row) for row in positions.cpu()))
+    finally:
+        renderer.close()
     return True
 
 
