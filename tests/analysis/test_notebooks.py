@@ -18,11 +18,15 @@ NOTEBOOKS = sorted(set((ROOT / "notebooks").glob("*.ipynb")) - {FIRST_STEPS})
 """Those that read tables."""
 each = pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 of_ablations = pytest.mark.parametrize("name", variants.names())
+SLOW = variants.names()[:-1]
+"""Notebooks of ablations are alike: the last stands for them."""
 of_ablations_one_fast = pytest.mark.parametrize(
-    "name",
-    [*(pytest.param(name, marks=pytest.mark.slow) for name in variants.names()[:-1]), variants.names()[-1]],
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in variants.names()]
 )
-"""Every notebook is run on the committed tables, which show the same."""
+each_one_ablation_fast = pytest.mark.parametrize(
+    "path",
+    [pytest.param(path, id=path.stem, marks=[pytest.mark.slow] * (path.stem in SLOW)) for path in NOTEBOOKS],
+)
 
 
 @pytest.fixture(scope="module")
@@ -106,7 +110,7 @@ def test_without_tables_it_says_what_makes_them(name, kernel, tmp_path):
     assert f"python recipes/ablate.py ablation={name} seed=0" in text and "No finding yet" in text
 
 
-@each
+@each_one_ablation_fast
 def test_it_runs_on_the_committed_tables(path, kernel):
     text, pictures = run(path, kernel, ROOT / "notebooks")
     if path.stem in variants.names():

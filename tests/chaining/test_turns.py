@@ -98,6 +98,10 @@ def test_what_a_chain_carries_over_goes_on_after_a_kill(whole_and_resumed, tmp_p
         assert all(torch.equal(v, other.policy.state_dict()[k]) for k, v in one.policy.state_dict().items())
 
 
+COARSE = ("+d_omega.bfloat16=true", "d_omega.steps=2", "d_omega.minibatch=32")
+"""Few and small steps: where a processor has no such numbers, they are slow."""
+
+
 def test_a_signal_in_bfloat16_pays_the_same_after_a_kill(whole_and_resumed):
     """Killed in skill 0's second turn, which the d_omega pays that skill 1 has trained and has not made again."""
     values = (
@@ -105,7 +109,8 @@ def test_a_signal_in_bfloat16_pays_the_same_after_a_kill(whole_and_resumed):
         "chain.links=3",
         "chain.rounds=2",
         "chain.d_omega_of=own",
-        "+d_omega.bfloat16=true",
+        "chain.steps_per_turn=512",
+        *COARSE,
     )
     whole, resumed = whole_and_resumed("tstar", *values)
     assert whole.tsr_on_success.notna().any()
@@ -114,7 +119,7 @@ def test_a_signal_in_bfloat16_pays_the_same_after_a_kill(whole_and_resumed):
 
 def test_a_further_network_in_bfloat16_is_resumed(whole_and_resumed):
     """A resumed chain is loaded before its skills, which have no d_seams until then."""
-    values = ("chain.gate=false", "chain.links=3", "chain.rounds=2", "+d_omega.bfloat16=true")
+    values = ("chain.gate=false", "chain.links=3", "chain.rounds=2", "chain.steps_per_turn=512", *COARSE)
     whole, resumed = whole_and_resumed("scar_like", *values)
     assert whole.tsr_on_success.notna().any()
     pd.testing.assert_frame_equal(whole, resumed)
