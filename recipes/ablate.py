@@ -26,7 +26,7 @@ from tstar_rl.config.load import recipe
 from tstar_rl.config.ranges import chain_length
 from tstar_rl.config.values import plain
 from tstar_rl.launch.backends import launcher
-from tstar_rl.launch.bonus import mean_bonus
+from tstar_rl.launch.bonus import BONUS, mean_bonus, with_some_bonus
 from tstar_rl.launch.overrides import chosen_scale, known_to, passed_on
 from tstar_rl.launch.side_by_side import Step, run_side_by_side
 from tstar_rl.launch.steps import check_step, is_done, missing, step_config
@@ -83,7 +83,8 @@ def _check(run: Variant, shared: list[str]) -> None:
     chain_length(step_config(("evaluate", *_of_evaluation(run, shared)), shared))
     if run.trains:
         step = (run.system, *_values(run))
-        check_step((*step, "bonus=0.5") if run.bonus_of else step, shared)
+        waits = (f"{BONUS}{run.bonus_of}",) if run.bonus_of else ()
+        check_step(with_some_bonus((*step, *waits)), shared)
         is_done(step, shared, UNKNOWN)
 
 

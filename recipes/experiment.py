@@ -89,9 +89,7 @@ def _declared(config: DictConfig) -> DeclaredExperiment:
     changes_nothing = set(MACHINE_ONLY) - {"evaluation"}
     other = [value for value in passed_on(OWN) if section_of(value) not in changes_nothing]
     chosen = [value for value in passed_on(set(OWN) - {"experiment"}) if section_of(value) == "experiment"]
-    other += [
-        value for value in chosen if "=" not in value or not value.lstrip("+").startswith("experiment=")
-    ]
+    other += [value for value in chosen if not value.lstrip("+").startswith("experiment=")]
     if config.publish and other:
         raise InvalidValueError(
             f"publish=true publishes the experiment as it is declared, not with {other[0]}: publish=false tries that"
