@@ -5,6 +5,7 @@ import pytest
 from saved_run import a_run
 
 from tstar_rl.runs.csv_tables import LogError
+from tstar_rl.runs.measured import _drop
 
 ROWS = [("chain", 0), ("chain", 1), ("other", 0), ("no_finetuning", 0)]
 
@@ -54,6 +55,11 @@ def test_a_skills_measurements_are_the_untrained_chains_too(tmp_path):
     assert left(tmp_path, "seams") == ROWS, "a policy of the whole task is no skill"
     a_run(tmp_path, subtask=2, system="gail_ppo", skills="gail_ppo", resume=False).start()
     assert left(tmp_path, "seams") == ROWS[:3]
+
+
+def test_a_table_that_a_run_beside_has_just_deleted_is_no_error(tmp_path):
+    _drop(tmp_path / "seams.csv", {"chain"}, 0)
+    assert not (tmp_path / "seams.csv").exists()
 
 
 def test_a_damaged_table_is_named_and_the_run_before_stays(tmp_path):

@@ -83,9 +83,8 @@ def _skills_first(
         except InvalidValueError as error:
             errors.append(error)
             continue
-        if (
-            declared(place) and below == Path()
-        ):  # below it lies what was evaluated by its path, as a chain's one skill
+        # Below a run's folder lies what was evaluated by its path, as one skill of a chain.
+        if declared(place) and below == Path():
             found.append((place.subtask is None, file, target / file.relative_to(source)))
     return [(file, there) for _, file, there in sorted(found)], errors
 

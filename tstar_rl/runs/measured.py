@@ -39,6 +39,8 @@ def forget_measurements(run: Path, task: Path, systems: Collection[str], seed: i
 def _drop(path: Path, systems: Collection[str], seed: int) -> None:
     against = {f"exchanged_{name.replace('/', '_')}.csv" for name in systems}
     with turn_to_write(path.parent):
+        if not path.is_file():  # a run beside this one has just taken the last rows
+            return
         table = read_table(path)
         theirs = table["seed"] == seed
         if path.name not in against:  # there the skills of all chains were exchanged with those of this one
