@@ -4,14 +4,15 @@ import functools
 import re
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 import yaml
 from published_runs import THEIRS, evaluation
 
-from tstar_rl.analysis.differences import holm
+from tstar_rl.analysis.differences import holm, paired_difference
 from tstar_rl.analysis.exchanged import exchange_effects
-from tstar_rl.analysis.experiments import compare_arms, read_experiment
+from tstar_rl.analysis.experiments import SEED, compare_arms, read_experiment
 from tstar_rl.analysis.page import curve_groups, replace_block, results_head, results_page, runs_page
 from tstar_rl.analysis.page.contents import read_contents
 from tstar_rl.analysis.page.experiment import answers
@@ -34,7 +35,7 @@ def test_the_pages_and_the_readme_are_what_the_published_tables_say():
 
 
 QUOTED = [
-    "d_omega: tstar_no_gate - buffer_bonus_no_gate", "tstar - no_finetuning",
+    "d_omega: tstar_no_gate - buffer_bonus_no_gate", "further_training: tstar_no_gate - no_finetuning",
     "further_training: buffer - own_starts", "recovery: recover_always - no_finetuning",
     "input_floor: floored - no_finetuning", "d_omega: tstar_no_gate - buffer_bonus_no_gate",
     "further_training: tstar_no_gate - buffer_bonus_no_gate", "further_training: tstar_no_gate - buffer_no_gate",
@@ -45,6 +46,7 @@ QUOTED = [
     "in_order_cloned - tstar", "recovery: recover_always - no_finetuning", "input_floor: floored - no_finetuning",
     "input_floor chair_ingolf: floored - no_finetuning",
     "from_scratch: tstar - gaussian",
+    "whole: tstar_no_gate - buffer_bonus_no_gate",
     "all: tstar - buffer_bonus", "both: tstar - gaussian", "both: tstar - buffer",
     "input_floor: tstar - gaussian",
     "tstar_between_costliest - buffer_costliest", "tstar_between - buffer_bonus",
@@ -83,7 +85,7 @@ QUOTED = [
 """The arms of each difference with an interval in the notes, in their order; the last two are the README's own.
 Before the arms: the folder and the task, where these are not beyond_tstar and table_lack; `both` are that folder's arms
 and those of further_training without the gate, seeds of both; `all` has those of d_omega beside them;
-`exchanged` are effects at the first seam, of d_omega_exchanged.csv."""
+`exchanged` are effects at the first seam, of d_omega_exchanged.csv; `whole` is success, in d_omega."""
 
 
 def rounded(number: float, digits: int) -> str:
@@ -113,6 +115,11 @@ def test_differences_in_the_text_are_those_of_the_tables_and_their_intervals_are
         if folder == "exchanged":
             effects = exchange_effects(pd.read_csv(PUBLISHED / "d_omega_exchanged.csv"))
             (row,) = effects[(effects["subtask"] == 1) & (effects["effect"] == pair)].itertuples()
+            return row.value, row
+        if folder == "whole":
+            scores = read_experiment(PUBLISHED / "d_omega").scores()["table_lack"]
+            one, other = ({k: s >= 1.0 for k, s in scores[arm].items()} for arm in pair.split(" - "))
+            row = paired_difference(one, other, np.random.default_rng(SEED))
             return row.value, row
         (row,) = compare_arms(rows(*(folder or "beyond_tstar").split()), [pair.split(" - ")]).itertuples()
         return row.difference, row

@@ -14,7 +14,15 @@ from scipy.stats import t as student
 
 from tstar_rl.analysis.statistics import DIGITS, RESAMPLES, Array, interval_ends, resampled_means, seed_means
 
-__all__ = ["Difference", "difference_of", "holm", "paired_difference", "student_half", "student_p"]
+__all__ = [
+    "Difference",
+    "difference_of",
+    "holm",
+    "outer_ends",
+    "paired_difference",
+    "student_half",
+    "student_p",
+]
 
 AGREED = 6
 """Seeds that agree in sign, from which on the two-sided sign test has p < .05."""
@@ -84,6 +92,18 @@ def difference_of(values: Array, draws: Array) -> Difference:
         agreed = (0.0, 2 * 0.5**number) if number >= AGREED else (math.nan, math.nan)
         return Difference(mean, *interval_ends(draws), *agreed, number)
     return Difference(mean, *interval_ends(draws), student_half(values), student_p(values), number)
+
+
+def outer_ends(value: float, low: float, high: float, t_half: float) -> tuple[float, float]:
+    """Ends of the wider interval at each side, the bootstrap's or Student's: both have to exclude what is excluded.
+
+    Args:
+        value: the mean.
+        low, high: the bootstrap's.
+        t_half: half of Student's interval; nan, and not looked at, of one seed.
+    """
+    half = 0.0 if math.isnan(t_half) else t_half
+    return min(low, value - half), max(high, value + half)
 
 
 def student_half(values: Array) -> float:

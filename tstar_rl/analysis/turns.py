@@ -5,7 +5,7 @@ from collections.abc import Iterable
 
 import pandas as pd
 
-__all__ = ["kept_turns", "steps_of_trials", "tried_turns", "turn_table"]
+__all__ = ["AUC", "SPREAD", "kept_turns", "steps_of_trials", "tried_turns", "turn_table"]
 
 AUC, SPREAD = "_auc", "_sd"
 """Endings of the columns that say how well a signal's scores tell whether the next skill then succeeded, and by how

@@ -3,12 +3,11 @@
 import math
 from collections.abc import Collection
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from tstar_rl.analysis.differences import holm
+from tstar_rl.analysis.differences import holm, outer_ends
 from tstar_rl.analysis.experiments import Experiment, arm_table, compare_arms
 from tstar_rl.analysis.figures import arms_figure, differences_figure, save_figure
 from tstar_rl.analysis.gaps_of_runs import hand_over_gaps
@@ -171,7 +170,10 @@ def answers(experiment: Experiment, paper: Paper, entry: Entry, task: str) -> st
     lines = []
     for question in asked:
         measured = [row for row in found.itertuples() if (row.first, row.second) in question.pairs]
-        shown = [signed_interval(row.difference, *_wider(row)) for row in measured]
+        shown = [
+            signed_interval(row.difference, *outer_ends(row.difference, row.low, row.high, row.t_half))
+            for row in measured
+        ]
         if question.improvement is not None:
             shown = [
                 f"{difference}, improvement {row.improvement:.2f}, {_p_words(row.corrected)}"
@@ -179,12 +181,6 @@ def answers(experiment: Experiment, paper: Paper, entry: Entry, task: str) -> st
             ]
         lines.append([question.asks, "; ".join(shown) or NOTHING, f"**{answer(question, found)}**"])
     return table(["question, declared before", "difference in progress [95%]", "answer"], lines)
-
-
-def _wider(row: Any) -> tuple[float, float]:
-    """The outer ends of the bootstrap's interval and of Student's, which both have to exclude what is excluded."""
-    half = 0.0 if math.isnan(row.t_half) else row.t_half
-    return min(row.low, row.difference - half), max(row.high, row.difference + half)
 
 
 def _corrected(found: pd.DataFrame, entry: Entry) -> dict[tuple[str, str], float]:

@@ -20,6 +20,7 @@ from tstar_rl.analysis.page.goals import goal_table
 from tstar_rl.analysis.page.late_trials import trials_over_time
 from tstar_rl.analysis.page.markdown import Paper, anchor
 from tstar_rl.analysis.page.over_tasks import over_tasks, short_over_tasks
+from tstar_rl.analysis.page.pairs import readings, seams
 from tstar_rl.analysis.page.single_policies import single_policies
 from tstar_rl.analysis.page.turns import turns
 from tstar_rl.analysis.tables import evaluations_of, read_metrics
@@ -98,15 +99,16 @@ def _filled(notes: str, entries: Iterable[Entry], paper: Paper) -> str:
     """The notes with the tables that they ask for.
 
     `<!-- table: <folder> -->` is one, `<!-- table: <folder>: <arm>, <arm> -->` has these arms alone, and so has
-    `goals`. In the place of `table` there are also `comparisons`, `answers`, `choices`, and of several tasks `over all
-    tasks`, each with all arms.
+    `goals`; `readings` and `seams` have two. In the place of `table` there are also `comparisons`, `answers`,
+    `choices`, and of several tasks `over all tasks`, each with all arms.
 
     Raises:
         InvalidValueError: for a folder that is no experiment, an arm that it does not have, a table that would be
             empty, or a comment that asks for nothing: it would not be seen.
     """
     experiments = {entry.folder.name: entry for entry in entries if entry.kind == "experiment"}
-    chosen = {"table": parts.short_table, "goals": goal_table}
+    chosen = {"table": parts.short_table, "goals": goal_table, "readings": readings, "seams": seams}
+    written = {"comparisons": parts.comparison_table, "answers": parts.answers, "choices": choice_table}
 
     def fill(found: re.Match[str]) -> str:
         kind, folder, arms = found.groups()
@@ -120,11 +122,6 @@ def _filled(notes: str, entries: Iterable[Entry], paper: Paper) -> str:
         experiment, named = read_experiment(entry.folder), entry.named(paper)
         if kind == "over all tasks":
             return _some(found[0], short_over_tasks(experiment, named, entry))
-        written = {
-            "comparisons": parts.comparison_table,
-            "answers": parts.answers,
-            "choices": choice_table,
-        }
         shown = {
             task: written[kind](experiment, named, entry, task)
             if kind in written
@@ -135,7 +132,8 @@ def _filled(notes: str, entries: Iterable[Entry], paper: Paper) -> str:
         filled = (f"`{task}`:\n\n{text}" if several else text for task, text in shown.items() if text)
         return _some(found[0], "\n".join(filled))
 
-    asked = r"<!-- (table|comparisons|answers|choices|goals|over all tasks): ([^\s:]+)(?:: ([\w, ]+))? -->"
+    kinds = "|".join((*chosen, *written, "over all tasks"))
+    asked = rf"<!-- ({kinds}): ([^\s:]+)(?:: ([\w, ]+))? -->"
     if left := re.findall("<!--.*", re.sub(asked, "", notes)):
         raise InvalidValueError(f"the notes have a comment that is no table: {left[0]}")
     return re.sub(asked, fill, notes)
