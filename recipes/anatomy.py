@@ -1,10 +1,11 @@
 """Each seam of some chains at a glance: what decides, how far skills move it, what that costs them, what is kept.
 
-    python recipes/hand_over_gap.py seed=0 system=no_finetuning  # and of each chain and seed to compare
-    python recipes/anatomy.py "systems=[no_finetuning, policy_sequencing, tstar]"
+    for s in no_finetuning floored; do python recipes/hand_over_gap.py scale=narrow seed=0 system=$s; done
+    python recipes/anatomy.py scale=narrow "systems=[no_finetuning, floored]"
 
 Reads seams.csv and hand_over_gap.csv, which hand_over_gap.py has left in <results_dir>/<task>/, and the chains' own
-metrics.csv; runs no simulation. What decides a seam is what decides it for the first system. It writes anatomy.csv, a
+metrics.csv; runs no simulation. What decides a seam is what decides it for the first system, which must fail often enough at
+some seam. It writes anatomy.csv, a
 row for each seam, chain and seed (columns: `tstar_rl.analysis.anatomy`), and anatomy.png. The last system less each
 other one is printed, with Student's interval over seeds.
 """

@@ -29,6 +29,8 @@ def main(config: DictConfig) -> None:
         raise InvalidValueError(
             f"only must name some of {', '.join(config.systems)}, got {', '.join(unknown)}{near}"
         )
+    if nameless := [system for system, steps in config.systems.items() if not steps]:
+        raise InvalidValueError(f"systems.{nameless[0]} must name its recipe first, got none")
     lanes = [missing(_lane(config, system), shared) for system in config.only or config.systems]
     if any(lanes):
         run = launcher(config)

@@ -58,6 +58,21 @@ def test_the_same_run_is_made_once():
         ({"variants": [*TWO["variants"], {"name": "a", "system": "tstar"}]}, "same name; it has a, b, a"),
         ({"variants": [{"name": "a", "sytem": "tstar"}]}, "no sytem; it has name, system, overrides"),
         ({"variants": [{"name": "a", "system": "no_finetuning"}]}, "call it no_finetuning"),
+        (
+            {"variants": [{"name": "no_finetuning_a", "system": "floored"}]},
+            "is trained by floored, .* call it otherwise",
+        ),
+        ({"reference": None}, "reference must be text"),
+        ({"variants": [{"name": "a"}]}, "a variant lacks system, which must be text"),
+        (
+            {"variants": [{"name": "a", "system": "tstar", "overrides": "chain.rounds=2"}]},
+            "overrides must be a list, each text, got 'chain.rounds=2'",
+        ),
+        (
+            {"variants": [{"name": "a", "system": "tstar", "bonus_of": "a"}]},
+            "a has the bonus of a, which is paid another's itself",
+        ),
+        ({"refrence": "a"}, "has no refrence; .*did you mean reference"),
     ],
 )
 def test_mistakes_in_a_file_are_named(change, message):

@@ -73,8 +73,11 @@ def test_the_page_draws_it_into_one_file(published, tmp_path):
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        ({"arm": {}}, "these are missing or unknown: arm$"),
-        ({"differences": {"one": ["tstar"]}}, "the difference 'one' must be of two arms"),
+        ({"arm": {}}, "headline has no arm; .*did you mean arms"),
+        ({"differences": {"one": ["tstar"]}}, "headline.differences must be .*, got {'one': "),
+        ({"differences": ["tstar"]}, "headline.differences must be"),
+        ({"margin": "small"}, "headline.margin must be a number, got 'small'"),
+        ({"beside": None}, "headline.beside must be"),
         ({"task": "chair"}, "no rows of buffer, tstar"),
         ({"arms": {"mine": "mine"}}, "no rows of mine; there are buffer, tstar"),
         ({"differences": {"one": ["tstar", "mine"]}}, "have no seed in common"),

@@ -84,6 +84,9 @@ def test_an_experiment_that_is_kept_back_is_not_on_the_page(published):
     contents(published, [{"folder": "odd", "kind": "experiment"}], kept_back=["plain", "odd"])
     with pytest.raises(ValueError, match="shows and keeps back odd"):
         read_contents(published)
+    contents(published, [{"folder": "odd", "kind": "experiment"}], kept_back="plain")
+    with pytest.raises(ValueError, match="kept_back must be a list of folders, got 'plain'"):
+        read_contents(published)
     entries = [{"folder": name, "kind": "experiment"} for name in ("odd", "plain")]
     contents(published, entries, kept_back=None)  # as the file is once the last name is deleted
     assert len(read_contents(published).experiments) == 2
@@ -101,7 +104,9 @@ def test_every_arm_and_task_that_the_contents_name_is_published_or_declared():
         tasks = {run.parts[-3] for run in runs}
         pairs = [*entry.pairs, *entry.choices.values(), *(asked.pair for asked in entry.task_questions)]
         asked = {*(arm for pair in pairs for arm in pair), *entry.no_gap, *entry.figure_arms, *entry.arms}
+        asked |= set(entry.goals.over) if entry.goals else set()
         assert asked <= arms, (entry.folder.name, sorted(asked - arms))
-        assert set(entry.sections or ()) <= tasks, entry.folder.name
+        of_questions = {task for question in entry.questions for task in question.tasks}
+        assert {*(entry.sections or ()), *of_questions} <= tasks, entry.folder.name
         named += len(asked)
     assert named > 50

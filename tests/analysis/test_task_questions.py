@@ -4,7 +4,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tstar_rl.analysis.task_questions import TaskQuestion, answer_over_tasks, compare_over_tasks, sign_test
+from tstar_rl.analysis.task_questions import (
+    TaskQuestion,
+    answer_over_tasks,
+    compare_over_tasks,
+    paired_runs,
+    sign_test,
+)
 from tstar_rl.analysis.task_statistics import least_when_all_win
 
 
@@ -24,13 +30,14 @@ def test_two_arms_over_tasks_by_hand():
         "apart": arms({1: 0.0}, {1: 1.0}),
     }
     (row,) = compare_over_tasks(scores, ["won", "tied", "lost"], [("a", "b"), ("a", "c")]).itertuples()
-    assert (row.first, row.second, row.runs, row.tasks, row.ahead, row.behind) == ("a", "b", 5, 3, 1, 1)
+    assert (row.first, row.second, row.tasks, row.ahead, row.behind) == ("a", "b", 3, 1, 1)
+    assert paired_runs(scores, "a", "b") == 5 and paired_runs(scores, "a", "c") == 0
     assert row.improvement == pytest.approx((1 + 0.5 + 0) / 3) == row.improvement_low == row.improvement_high
     assert row.seeds_low == row.improvement == row.seeds_high
     both = compare_over_tasks(
         {"won": scores["won"]} | {str(n): scores["won"] for n in range(5)}, list("01234"), [("a", "b")]
     )
-    assert both["ahead"].item() == 5 and both["runs"].item() == 12
+    assert both["ahead"].item() == 5
     assert compare_over_tasks(scores, [], [("a", "b")]).empty
 
 
@@ -49,13 +56,12 @@ def test_the_interval_of_seeds_alone_has_no_noise_of_episodes():
     assert row.improvement_low < row.seeds_low - 0.1
 
 
-def row(value=0.8, low=0.6, high=0.9, ahead=8, behind=1, tasks=9, runs=10, seeds=()) -> dict:
+def row(value=0.8, low=0.6, high=0.9, ahead=8, behind=1, tasks=9, seeds=()) -> dict:
     ends = {"improvement": value, "improvement_low": low, "improvement_high": high}
     ends |= dict(zip(("seeds_low", "seeds_high"), seeds or (low, high), strict=True))
     return {
         "first": "a",
         "second": "b",
-        "runs": runs,
         "tasks": tasks,
         "ahead": ahead,
         "behind": behind,
@@ -96,15 +102,19 @@ def row(value=0.8, low=0.6, high=0.9, ahead=8, behind=1, tasks=9, runs=10, seeds
             row(0.7, 0.45, 0.8),
             "not decided; 3.2 times as many seeds probably would",
         ),  # (.25 / .2) ** 2 x 2.043
-        (row(runs=9), "measured so far: 9 of 10 runs"),
     ],
 )
 def test_an_answer_follows_the_interval_and_the_signs(found, expected):
     question = TaskQuestion("Does a help?", ("a", "b"), runs=10)
-    assert answer_over_tasks(question, pd.DataFrame([found])) == expected
+    assert answer_over_tasks(question, pd.DataFrame([found]), runs=10) == expected
+    assert answer_over_tasks(question, pd.DataFrame([found]), runs=9) == "measured so far: 9 of 10 runs"
 
 
 def test_a_pair_that_was_not_run_is_being_measured():
     question = TaskQuestion("Does a help?", ("a", "c"), runs=10)
     for found in (pd.DataFrame(), pd.DataFrame([row()])):
-        assert answer_over_tasks(question, found) == "measured so far: 0 of 10 runs"
+        assert answer_over_tasks(question, found, runs=0) == "measured so far: 0 of 10 runs"
+        assert answer_over_tasks(question, found, runs=9) == "measured so far: 9 of 10 runs"  # of other tasks
+        assert (
+            answer_over_tasks(question, found, runs=10) == "not decided: a task has no seed of both, a and c"
+        )

@@ -158,7 +158,7 @@ def test_the_recipe_teaches_f_and_saves_when_the_arm_goes_home(point_chain, tmp_
     assert sent[0] == pytest.approx(1 - succeeded[0], abs=0.1) and sent[1] == 0.0
     assert table.feasibility_auc[0] > 0.9 and table.feasibility_brier[0] < 0.15  # of starts that F never saw
     assert (table.trial_steps > 0).tolist() == [True, False, False]  # of the whole trial, once
-    assert table.handed[:2].tolist() == [64, round(64 * table.success[0])]
+    assert table.handed[:2].tolist() == [64, round(64 * table.next_success[0])]
     curves = pd.read_csv(tmp_path / "results/table_lack/recover/seed0/calibration.csv")
     assert curves.groupby("skill").states.sum().to_dict() == dict(
         enumerate(table.handed)

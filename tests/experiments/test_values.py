@@ -67,6 +67,10 @@ from tstar_rl.experiments.values import parse_experiment
             "a trains nothing, so call it no_finetuning...",
         ),
         (
+            {"arms": [{"name": "no_finetuning_floored", "recipe": "floored"}]},
+            "no_finetuning_floored is trained by floored, .* call it otherwise",
+        ),
+        (
             {"arms": [{"name": "a", "recipe": "tstar", "skills_of": "b"}, {"name": "b", "recipe": "tstar"}]},
             "a has the skills of b; .* arms with skills of their own are none",
         ),

@@ -1,6 +1,7 @@
 """Which checkpoints `evaluate.py` is asked for by a path or a system, and what their training took."""
 
 import json
+import math
 from pathlib import Path
 
 import pytest
@@ -102,6 +103,9 @@ def test_one_skill_of_a_chain_and_a_folder_of_no_run(made):
     config, results, found = places("path=runs/table_lack/tstar/seed1/last/skill1")
     assert config.seed == 1 and list(found) == ["skill1"] and not found["skill1"].chain
     assert results == Path("results/table_lack/tstar/seed1/last")
+    assert all(map(math.isnan, spent_on(config, "gail_ppo", found["skill1"]).values())), (
+        "of all skills' turns"
+    )
     (made / "runs" / "table_lack" / "tstar" / "seed1").rename(made / "mine")
     config, results, found = places("path=mine/last", "seed=3")
     assert config.seed == 3 and results == Path("mine")

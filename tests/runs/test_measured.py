@@ -57,6 +57,20 @@ def test_a_skills_measurements_are_the_untrained_chains_too(tmp_path):
     assert left(tmp_path, "seams") == ROWS[:3]
 
 
+def test_chains_of_these_skills_under_another_name_go_too(tmp_path):
+    measured(tmp_path, "seams")
+    table = tmp_path / "results/table/seams.csv"
+    table.write_text(table.read_text() + "no_finetuning_mine,0,0.5\nno_finetuning_theirs,0,0.5\n")
+    for name, skills in (("mine", "gail_ppo_mine"), ("theirs", "gail_ppo")):
+        folder = tmp_path / f"results/table/no_finetuning_{name}/seed0"
+        folder.mkdir(parents=True)
+        (folder / "config.yaml").write_text(f"skills: {skills}\n")
+        (folder / "moved_parts.csv").write_text("progress\n1\n")
+    a_run(tmp_path, subtask=2, system="gail_ppo_mine", skills="gail_ppo", resume=False).start()
+    assert left(tmp_path, "seams") == [*ROWS, ("no_finetuning_theirs", 0)]
+    assert [file.parts[-3] for file in tmp_path.rglob("moved_parts.csv")] == ["no_finetuning_theirs"]
+
+
 def test_a_table_that_a_run_beside_has_just_deleted_is_no_error(tmp_path):
     _drop(tmp_path / "seams.csv", {"chain"}, 0)
     assert not (tmp_path / "seams.csv").exists()

@@ -1,5 +1,8 @@
 """How far the scores of signals are probabilities: what they said of states, and what then happened."""
 
+import math
+from collections.abc import Collection
+
 import pandas as pd
 
 from tstar_rl.analysis.turns import kept_turns
@@ -10,16 +13,18 @@ BRIER, BINS = "_brier", 10
 COLUMNS = ("auc", "brier", "ece")
 
 
-def calibration_of_arms(metrics: pd.DataFrame, task: str) -> pd.DataFrame:
-    """A line for each arm whose signal was judged, over the turns that were kept.
+def calibration_of_arms(metrics: pd.DataFrame, task: str, shares: Collection[str] = ()) -> pd.DataFrame:
+    """A line for each arm and signal that was judged, over the turns that were kept.
 
     Args:
         metrics: of `read_metrics`.
         task: of the chains.
+        shares: arms whose signal predicts how much of the rest is done, not whether the next skill succeeds.
 
     Returns:
-        Index arm; means over turns, then over seeds. Columns seeds, signal, auc, brier, ece (of that signal) and rate,
-        the Brier score of saying of every state how often the next skill succeeded in that trial.
+        Index arm and signal; means over turns, then over seeds. Columns seeds, auc, brier, ece and rate, the Brier
+        score of saying of every state how often the next skill succeeded in that trial: nan for `shares`, which are
+        judged against something else.
     """
     signals = [str(name).removesuffix(BRIER) for name in metrics if str(name).endswith(BRIER)]
     lines = {}
@@ -31,24 +36,27 @@ def calibration_of_arms(metrics: pd.DataFrame, task: str) -> pd.DataFrame:
         for arm, mine in rows.groupby("recipe"):
             seeds = mine.groupby("seed")[named].mean()
             values = dict(zip((*COLUMNS, "rate"), seeds.mean(), strict=True))
-            lines[str(arm)] = {"seeds": len(seeds), "signal": signal, **values}
-    return pd.DataFrame.from_dict(lines, orient="index").rename_axis("arm")
+            values["rate"] = math.nan if arm in shares else values["rate"]
+            lines[str(arm), signal] = {"seeds": len(seeds), **values}
+    return pd.DataFrame(list(lines.values()), index=pd.MultiIndex.from_tuples(lines, names=["arm", "signal"]))
 
 
 def pooled(table: pd.DataFrame) -> pd.DataFrame:
-    """The bins of all turns and seeds together, by arm and skill.
+    """The bins of all turns and seeds together, by arm, signal and skill.
 
     Args:
         table: rows of `read_calibration`, of one task.
 
     Returns:
-        Columns recipe, skill, score, outcome (means over the states of a bin), states.
+        Columns recipe, signal, skill, score, outcome (means over the states of a bin), states.
     """
     place = (table["score"] * BINS).astype(int).clip(upper=BINS - 1)
     rows = table.assign(
         bin=place, score=table["score"] * table["states"], outcome=table["outcome"] * table["states"]
     )
-    sums = rows.groupby(["recipe", "skill", "bin"], as_index=False)[["score", "outcome", "states"]].sum()
+    sums = rows.groupby(["recipe", "signal", "skill", "bin"], as_index=False)[
+        ["score", "outcome", "states"]
+    ].sum()
     for name in ("score", "outcome"):
         sums[name] /= sums["states"]
     return sums.drop(columns="bin")

@@ -14,7 +14,7 @@ from tstar_rl.analysis.questions import POWER
 from tstar_rl.analysis.statistics import drawn_means, drawn_seeds
 from tstar_rl.analysis.task_statistics import improvement_over_tasks
 
-__all__ = ["TaskQuestion", "answer_over_tasks", "compare_over_tasks", "sign_test"]
+__all__ = ["TaskQuestion", "answer_over_tasks", "compare_over_tasks", "paired_runs", "sign_test"]
 
 NO_DIFFERENCE = 0.5
 """Of the probability of improvement."""
@@ -46,14 +46,14 @@ def compare_over_tasks(
 
     Args:
         scores: of an experiment, `Experiment.scores`.
-        tasks: over which they are compared; of the others runs are counted alone.
+        tasks: over which they are compared.
         pairs: (first, second).
 
     Returns:
-        Columns first, second; runs: seeds that both have, of all tasks in `scores`; tasks: over which they are
-        compared; ahead and behind: on how many of these the mean difference by seed is above 0, and below;
-        improvement: probability that a seed of the first beats one of the second on the same task, mean over tasks;
-        improvement_low and improvement_high, and seeds_low and seeds_high: its interval if seeds alone are drawn.
+        Columns first, second; tasks: over which they are compared; ahead and behind: on how many of these the mean
+        difference by seed is above 0, and below; improvement: probability that a seed of the first beats one of the
+        second on the same task, mean over tasks; improvement_low and improvement_high, and seeds_low and seeds_high:
+        its interval if seeds alone are drawn.
     """
     lines = []
     for first, second in pairs:
@@ -61,9 +61,8 @@ def compare_over_tasks(
         if not tasks or pair is None:
             continue
         one, other = pair
-        runs = sum(len(set(arms.get(first, {})) & set(arms.get(second, {}))) for arms in scores.values())
         means = [(_mean_of_seeds(a), _mean_of_seeds(b)) for a, b in zip(one, other, strict=True)]
-        line = {"first": first, "second": second, "runs": runs, "tasks": len(tasks)}
+        line = {"first": first, "second": second, "tasks": len(tasks)}
         line |= {"ahead": sum(a > b for a, b in means), "behind": sum(a < b for a, b in means)}
         for name, draw in (("seeds", drawn_seeds), ("improvement", drawn_means)):
             better = improvement_over_tasks(one, other, np.random.default_rng(SEED), draw=draw)
@@ -81,7 +80,12 @@ def _mean_of_seeds(seeds: Sequence[np.ndarray]) -> float:
     return round(float(np.mean([np.mean(episodes) for episodes in seeds])), 12)
 
 
-def answer_over_tasks(question: TaskQuestion, found: pd.DataFrame) -> str:
+def paired_runs(scores: TaskScores, first: str, second: str) -> int:
+    """Seeds that both arms have, of all tasks."""
+    return sum(len(set(arms.get(first, {})) & set(arms.get(second, {}))) for arms in scores.values())
+
+
+def answer_over_tasks(question: TaskQuestion, found: pd.DataFrame, runs: int) -> str:
     """What the comparison says.
 
     Yes: the interval of the probability of improvement lies above .5, and the first is ahead on so many tasks that the
@@ -95,15 +99,17 @@ def answer_over_tasks(question: TaskQuestion, found: pd.DataFrame) -> str:
     Args:
         question: that was declared.
         found: of `compare_over_tasks`.
+        runs: of the pair that were measured, of `paired_runs`; those of a task that another one lacks count too.
     """
     rows = (
         found[(found["first"] == question.pair[0]) & (found["second"] == question.pair[1])]
         if len(found)
         else found
     )
-    runs = int(rows["runs"].iloc[0]) if len(rows) else 0
     if runs < question.runs:
         return f"measured so far: {runs} of {question.runs} runs"
+    if not len(rows):
+        return f"not decided: a task has no seed of both, {' and '.join(question.pair)}"
     row = rows.iloc[0]
     said, alone = (_answer(row, question.margin, name) for name in ("improvement", "seeds"))
     kind, other = (each.split(";")[0] for each in (said, alone))

@@ -54,7 +54,8 @@ def turn_table(metrics: pd.DataFrame, task: str) -> pd.DataFrame:
         Index arm; means over seeds. Columns seeds, turns (of a seed), trial_progress (of the chain that goes on, over
         all turns: of an arm that rises early it is higher at the same end), kept (share of turns that the gate kept),
         trial_steps (see `steps_of_trials`), auc and spread (of the scores of the arm's signal, over the turns that
-        have one and were kept; nan where nothing signals).
+        have one and were kept; nan where nothing signals, or several signals were judged, for which see
+        `calibration.calibration_of_arms`).
     """
     rows, steps, lines = tried_turns(metrics, task), steps_of_trials(metrics, task), {}
     if rows.empty:
@@ -83,6 +84,6 @@ def _chains(metrics: pd.DataFrame, task: str) -> pd.DataFrame:
 
 
 def _mean_over_seeds(rows: pd.DataFrame, columns: Iterable[str]) -> float:
-    """Mean over seeds of the mean over turns of the column that an arm has; nan if it has none."""
+    """Mean over seeds of the mean over turns of the one column that an arm has; nan if it has none, or several."""
     there = [name for name in columns if name in rows and rows[name].notna().any()]
-    return float(rows.groupby("seed")[there[0]].mean().mean()) if there else math.nan
+    return float(rows.groupby("seed")[there[0]].mean().mean()) if len(there) == 1 else math.nan

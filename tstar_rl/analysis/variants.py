@@ -7,7 +7,8 @@ from typing import Any
 import yaml
 
 from tstar_rl.checks import InvalidValueError, MissingFileError
-from tstar_rl.runs.run_folder import UNTRAINED
+from tstar_rl.config.check import check
+from tstar_rl.runs.run_folder import UNTRAINED, is_untrained
 
 __all__ = ["FOLDER", "SKILLS", "Ablation", "Variant", "names", "parse", "read"]
 
@@ -93,7 +94,8 @@ def read(name: str) -> Ablation:
     """The ablation in `configs/ablation/<name>.yaml`.
 
     Raises:
-        ValueError: for an unknown name, and for an unknown field or variant in the file.
+        ValueError: for an unknown name, and in the file for a field that is not known or missing or of another type, a
+            variant that is named and not there, or one whose name says that it is trained or not where it is otherwise.
     """
     path = CONFIGS / f"{name}.yaml"
     if not path.is_file():
@@ -103,13 +105,16 @@ def read(name: str) -> Ablation:
 
 def parse(name: str, values: dict[str, Any]) -> Ablation:
     """An ablation from plain values; see `read`."""
+    where = f"ablation {name}"
+    check({**values, "name": name}, Ablation, where, {"variants": tuple[dict[str, Any], ...]})
     fields = ("name", "system", "overrides", "bonus_of", "against")
     for one in values["variants"]:
         unknown = [str(field) for field in one if field not in fields]
         if unknown:
             raise InvalidValueError(
-                f"ablation {name}: a variant has no {', '.join(unknown)}; it has {', '.join(fields)}"
+                f"{where}: a variant has no {', '.join(unknown)}; it has {', '.join(fields)}"
             )
+        check({**one, "ablation": name}, Variant, f"{where}: a variant")
     variants = tuple(
         Variant(name, **{**one, "overrides": tuple(one.get("overrides", ()))}) for one in values["variants"]
     )
@@ -120,11 +125,19 @@ def parse(name: str, values: dict[str, Any]) -> Ablation:
         )
     for variant in variants:
         if not variant.trains and not variant.name.startswith(variant.system):
+            raise InvalidValueError(f"{where}: {variant.name} trains nothing, so call it {variant.system}...")
+        if variant.trains and is_untrained(variant.name):
             raise InvalidValueError(
-                f"ablation {name}: {variant.name} trains nothing, so call it {variant.system}..."
+                f"{where}: {variant.name} is trained by {variant.system}, and a name that begins with {UNTRAINED} "
+                "means skills as they are: call it otherwise"
             )
     ablation = Ablation(name, values["reference"], variants)
     named = [other for variant in variants for other in (variant.bonus_of, variant.against) if other]
     for other in (ablation.reference, *named):
         ablation.variant(other)
+    for variant in variants:
+        if variant.bonus_of and ablation.variant(variant.bonus_of).bonus_of:
+            raise InvalidValueError(
+                f"{where}: {variant.name} has the bonus of {variant.bonus_of}, which is paid another's itself"
+            )
     return ablation

@@ -104,11 +104,11 @@ def judge_outcomes(skill: Skill, found: SkillTrial) -> tuple[dict[str, float], R
         found: what a trial from other starts tells of it.
 
     Returns:
-        handed (how many hand-overs), success (the share that came to one) and the columns of `judge`; the curve.
+        handed (how many hand-overs), next_success (the share that came to one) and the columns of `judge`; the curve.
     """
     signal = FeasibilityReward(skill.network(FEASIBILITY))
     columns, curve = judge(FEASIBILITY, signal, found.starts, found.succeeded, found.succeeded)
-    return {"handed": len(found.starts), "success": found.success, **columns}, curve
+    return {"handed": len(found.starts), "next_success": found.success, **columns}, curve
 
 
 @dataclass

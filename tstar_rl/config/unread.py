@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from tstar_rl.config.check import ConfigError
+from tstar_rl.runs.run_folder import UNTRAINED, is_untrained
 
 __all__ = ["FINE_TUNING", "ONE_POLICY", "OURS", "check_what_is_not_read"]
 
@@ -16,7 +17,7 @@ WHOLE = ("ablate", "assemble", "baselines", "experiment", "gpu_run")
 """Recipes that start others for the whole task."""
 LAUNCHING = ("ablate", "assemble", "baselines")
 """Those of them that can start them on a cluster."""
-OF_CHAINS = ("hand_over", "hand_over_gap", "moved_parts", "ship", "terminal_states", "ways_home")
+OF_CHAINS = ("anatomy", "hand_over", "hand_over_gap", "moved_parts", "ship", "terminal_states", "ways_home")
 """Recipes that read what a chain's training has left."""
 FINE_TUNING = (
     "feasibility", "hand_over_value", "in_order", "in_order_cloned", "policy_sequencing", "proximity", "scar_like",
@@ -28,7 +29,6 @@ STEPS = (
     *FINE_TUNING,
     *OF_CHAINS,
     *(
-        "anatomy",
         "evaluate",
         "evaluate_expert",
         "evaluate_shelf",
@@ -50,6 +50,14 @@ LEARN_FROM_PATHS = ("proximity", "refitted")
 PAPERS = {"score": "terminal", "baseline": "none"}
 """Of terminal_reward: the paper's, which every scale has."""
 CHAINED = "chain.links takes the first skills of a chain"
+SEVERAL = {
+    "hand_over": "measures several at once, systems=[{}]",
+    "anatomy": "shows several beside each other, systems=[{}]",
+    "terminal_states": "shows several beside each other, systems=[{}]",
+    "plot": "draws all that lies in results_dir",
+    "report": "is of all that is published",
+}
+"""Recipes that read more than one system, and where to say which."""
 LOGGED = 2
 """chain.logged_skill of every scale, whatever the furniture: where a chain has fewer skills, it logs no states."""
 
@@ -67,12 +75,17 @@ def check_what_is_not_read(values: Mapping[str, Any], name: str) -> None:
             f"subtask must be null, got {values['subtask']}: {name} is of the whole task; {told}"
         )
     trains = name in ONE_POLICY or (chains and name != "exchanged")  # which runs two chains as they are
+    if trains and is_untrained(values["system"]):
+        raise ConfigError(
+            f"system must not begin with {UNTRAINED}, which means skills chained as they are: {name} makes others, and "
+            f"what evaluates them would not look at them; got system={values['system']}"
+        )
     if name in WHOLE and values["system"] != name:
         raise ConfigError(
             f"system must be left out, got {values['system']}: {name} starts other recipes, each of which names its "
             "own run; results_dir=... and runs_dir=... keep runs apart"
         )
-    if values["launch"] != "local" and name in STEPS:
+    if values["launch"] != "local" and name in (*STEPS, "bench", "bench_growth"):
         raise ConfigError(
             f"launch must be local for {name}, got {values['launch']}: it is for recipes that start others, "
             f"{', '.join(LAUNCHING)}; collection.backend=ray collects rollouts on a cluster"
@@ -96,10 +109,9 @@ def check_what_is_not_read(values: Mapping[str, Any], name: str) -> None:
 
 def _check_asked(values: Mapping[str, Any], name: str) -> None:
     """Refuses a value that says what is asked for where another one says it."""
-    if name == "hand_over" and values["system"] != name:
+    if name in SEVERAL and values["system"] != name:
         raise ConfigError(
-            f"hand_over measures systems=[...], several at once; got system={values['system']}: give systems="
-            f"[{values['system']}]"
+            f"system must be left out, got {values['system']}: {name} {SEVERAL[name].format(values['system'])}"
         )
     if name == "evaluate" and values["pretrained_dir"] is not None and values["pretrained"] is None:
         raise ConfigError(

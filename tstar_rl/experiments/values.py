@@ -8,7 +8,7 @@ from tstar_rl.config.check import check
 from tstar_rl.config.load import ONE_POLICY
 from tstar_rl.config.values import task_section
 from tstar_rl.experiments.declared import Arm, DeclaredExperiment
-from tstar_rl.runs.run_folder import RECIPES, UNTRAINED
+from tstar_rl.runs.run_folder import RECIPES, UNTRAINED, is_untrained
 
 __all__ = ["parse_experiment"]
 
@@ -22,9 +22,10 @@ def parse_experiment(values: Mapping[str, Any]) -> DeclaredExperiment:
     Raises:
         InvalidValueError: for a field that is not known or missing or of another type, a list that is empty or names
             something twice, a task or a recipe that is not there, seeds of a task that is not there, two arms of one
-            name, an arm that trains nothing under a name of one that does, an arm whose bonus is that of an arm that
-            does not exist or has other seeds, an arm with the skills of one that has none of its own or is of another
-            recipe of skills, an arm of one policy for the whole task that says something of skills.
+            name, an arm that trains nothing under a name of one that does or the other way round, an arm whose bonus is
+            that of an arm that does not exist or has other seeds, an arm with the skills of one that has none of its
+            own or is of another recipe of skills, an arm of one policy for the whole task that says something of
+            skills.
     """
     check(
         values,
@@ -62,6 +63,11 @@ def _parse_arm(values: Mapping[str, Any], commit: str | None) -> Arm:
     arm = Arm(**_with_tuples(values))
     if arm.recipe == UNTRAINED and not arm.name.startswith(UNTRAINED):
         raise InvalidValueError(f"experiment.arms: {arm.name} trains nothing, so call it {UNTRAINED}...")
+    if arm.recipe != UNTRAINED and is_untrained(arm.name):
+        raise InvalidValueError(
+            f"experiment.arms: {arm.name} is trained by {arm.recipe}, and a name that begins with {UNTRAINED} means "
+            "skills as they are: call it otherwise"
+        )
     if arm.recipe == UNTRAINED and (given := [name for name in ("overrides", "bonus_of") if name in values]):
         raise InvalidValueError(
             f"experiment.arms: {arm.name} trains nothing, so that {' and '.join(given)} would do nothing; what its "

@@ -58,10 +58,13 @@ def find_checkpoints(config: DictConfig, given: Iterable[str]) -> tuple[Path, di
 def spent_on(config: DictConfig, begun_with: str, found: Found) -> dict[str, float]:
     """Environment steps and minutes that went into the skills, training and fine-tuning together.
 
-    They are nan where a run has not ended. The best checkpoint cost what the last one did: its whole run was needed to
-    tell that it is the best.
+    They are nan where a run has not ended, and of one skill out of a chain, whose turns are not counted apart. The best
+    checkpoint cost what the last one did: its whole run was needed to tell that it is the best.
     """
-    runs = {folder.parents[1 if folder.name.startswith("skill") else 0] for folder in found.folders}
+    in_chain = found.folders[0].name.startswith("skill")
+    if in_chain and not found.chain:
+        return dict.fromkeys(SPENT, math.nan)
+    runs = {folder.parents[1 if in_chain else 0] for folder in found.folders}
     if found.chain:
         task, seed = config.task.name, config.seed
         runs |= {run_path(config.runs_dir, task, begun_with, seed, i) for i in range(len(found.folders))}

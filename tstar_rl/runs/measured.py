@@ -8,8 +8,10 @@ from pathlib import Path
 
 from tstar_rl.runs.csv_tables import read_table, write_table
 from tstar_rl.runs.files import turn_to_write
+from tstar_rl.runs.run_config import read_config
+from tstar_rl.runs.run_folder import UNTRAINED
 
-__all__ = ["forget_measurements"]
+__all__ = ["chains_of", "forget_measurements"]
 
 OF_A_RUN = ("evaluation.csv", "moved_parts.csv", "ways_home.csv", "latents.csv")
 """Tables in the folder of the run's results."""
@@ -17,11 +19,23 @@ OF_CHAINS = ("hand_over.csv", "hand_over_gap.csv", "seams.csv", "exchanged.csv",
 """Tables in the task's folder, with a row or some for each system and seed."""
 
 
-def forget_measurements(run: Path, task: Path, systems: Collection[str], seed: int) -> None:
+def chains_of(skills: str, task: Path, seed: int) -> dict[str, Path]:
+    """Chains of these skills as they are, by their system: the folders of what was measured of them.
+
+    Args:
+        skills: the system that the skills were trained by.
+        task: the folder of results of their task.
+        seed: of the skills.
+    """
+    found = (folder for folder in task.glob(f"{UNTRAINED}*/seed{seed}") if folder.is_dir())
+    return {folder.parent.name: folder for folder in found if read_config(folder).get("skills") == skills}
+
+
+def forget_measurements(runs: Collection[Path], task: Path, systems: Collection[str], seed: int) -> None:
     """Deletes a run's measurements; other runs' rows stay.
 
     Args:
-        run: folder of its results.
+        runs: folders of its results, and of those of chains that are nothing but its skills.
         task: the folder of results of its task.
         systems: the chains that it has part in.
         seed: of the run.
@@ -32,8 +46,9 @@ def forget_measurements(run: Path, task: Path, systems: Collection[str], seed: i
     for pattern in OF_CHAINS:
         for path in task.glob(pattern):
             _drop(path, systems, seed)
-    for name in OF_A_RUN:
-        (run / name).unlink(missing_ok=True)
+    for run in runs:
+        for name in OF_A_RUN:
+            (run / name).unlink(missing_ok=True)
 
 
 def _drop(path: Path, systems: Collection[str], seed: int) -> None:

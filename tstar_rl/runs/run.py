@@ -20,7 +20,7 @@ from tstar_rl.runs import checkpoint, lock
 from tstar_rl.runs.best_so_far import BestSoFar
 from tstar_rl.runs.csv_tables import LogError, MetricsLog
 from tstar_rl.runs.files import put_back, replacing
-from tstar_rl.runs.measured import forget_measurements
+from tstar_rl.runs.measured import chains_of, forget_measurements
 from tstar_rl.runs.mismatch import MACHINE_ONLY, CheckpointMismatchError, as_begun, check_config
 from tstar_rl.runs.run_config import note_resumed, note_section, read_config, restore_config, write_config
 from tstar_rl.runs.run_folder import FINISHED, SAVED, UNTRAINED, run_path
@@ -147,11 +147,15 @@ class Run:
         return self.env_steps
 
     def _forget_measurements(self) -> None:
-        """Deletes what was measured of the run that lies here; of a skill's also what was of the untrained chain."""
-        system, subtask = self.config["system"], self.record["subtask"]
-        untrained = {UNTRAINED} if subtask is not None and self.config.get("skills") == system else set()
+        """Deletes what was measured of the run that lies here; of a skill's also what was of its untrained chains."""
+        system, seed, chains = self.config["system"], self.config["seed"], {}
         task = Path(self.config["results_dir"]) / self.config["task"]["name"]
-        forget_measurements(self.results, task, {system} | untrained, self.config["seed"])
+        if self.record["subtask"] is not None:
+            chains = chains_of(system, task, seed)
+            chains |= (
+                {UNTRAINED: task / UNTRAINED / f"seed{seed}"} if self.config.get("skills") == system else {}
+            )
+        forget_measurements([self.results, *chains.values()], task, {system, *chains}, seed)
 
     def _stop_if_done(self, changed: Sequence[str] = ()) -> None:
         """Raises NothingToDo if the run has finished, and what it has trained is there, unless it is to go on.

@@ -9,6 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from tstar_rl.runs.files import replacing, turn_to_write
+
 __all__ = [
     "MARKERS",
     "THRESHOLDS",
@@ -81,10 +83,11 @@ def panels(
 
 
 def save_figure(figure: Figure, path: str | Path, dpi: int = 110) -> Path:
-    """Writes a PNG file, the same bytes for the same figure; makes its folder."""
-    Path(path).parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=dpi, metadata={"Software": None})
-    return Path(path)
+    """Writes a PNG file at once, the same bytes for the same figure; makes its folder."""
+    path = Path(path)
+    with turn_to_write(path.parent), replacing(path) as partial:
+        figure.savefig(partial, format="png", dpi=dpi, metadata={"Software": None})
+    return path
 
 
 def message(text: str) -> Figure:

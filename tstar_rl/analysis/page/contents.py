@@ -61,7 +61,11 @@ class Entry:
 
     def named(self, paper: Paper) -> Paper:
         """docs/paper_results.yaml with what this experiment calls its arms."""
-        return {**paper, "arms": {**paper.get("arms", {}), **self.arms}}
+        systems = {
+            name: {**values, "label": self.arms.get(name, values["label"])}
+            for name, values in paper["systems"].items()
+        }
+        return {**paper, "systems": systems, "arms": {**paper.get("arms", {}), **self.arms}}
 
     def has_section(self, task: str) -> bool:
         """Whether the page has a section of this task."""
@@ -110,7 +114,7 @@ def read_contents(root: str | Path) -> Contents:
         raise InvalidValueError(f"{file} must have a list of experiments, got {values!r:.80}")
     entries = tuple(_entry(root, one) for one in values["experiments"])
     named = {entry.folder.name for entry in entries}
-    kept_back = set(values.get("kept_back") or ())
+    kept_back = _kept_back(values.get("kept_back"), file)
     if shown := named & kept_back:
         raise InvalidValueError(f"{file} shows and keeps back {', '.join(sorted(shown))}")
     left_out = {folder.name for folder in root.iterdir() if folder.is_dir()} - named - kept_back
@@ -118,6 +122,13 @@ def read_contents(root: str | Path) -> Contents:
         raise InvalidValueError(f"{file} leaves out {', '.join(sorted(left_out))}")
     headline = parse_headline(root, values["headline"]) if "headline" in values else None
     return Contents(entries, headline)
+
+
+def _kept_back(given: Any, file: Path) -> set[str]:
+    listed = given or []
+    if not isinstance(listed, list) or not all(isinstance(name, str) for name in listed):
+        raise InvalidValueError(f"{file}: kept_back must be a list of folders, got {given!r}")
+    return set(listed)
 
 
 AS_WRITTEN: dict[str, Any] = {

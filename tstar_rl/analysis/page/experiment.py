@@ -50,13 +50,18 @@ def ordered(experiment: Experiment, paper: Paper, task: str, mode: str = "determ
 
 
 def _gap(gaps: pd.DataFrame, arm: str, rows: pd.DataFrame, entry: Entry) -> list[str]:
-    """Product of the skills' own success and gap, mean over seeds; a star where the skills are not the arm's own."""
+    """Product of the skills' own success and gap, mean over seeds; a star where the skills are not the arm's own.
+
+    Where some seeds have none, it says how many have.
+    """
     mine = gaps[gaps["arm"] == arm]
     if mine["gap"].isna().all() or arm in entry.no_gap:
         return [NOTHING, NOTHING]
     as_they_are = arm.startswith(UNTRAINED) or (HOMINGS in rows and rows[HOMINGS].notna().all())
     star = "" if as_they_are or mine["fine_tuned"].all() else " \\*"
-    return [f"{mine['product'].mean():.3f}", f"{mine['gap'].mean():z.3f}{star}"]
+    known = mine["gap"].notna().sum()
+    of = f" ({known} of {len(mine)} seeds)" if known < len(mine) else ""
+    return [f"{mine['product'].mean():.3f}{of}", f"{mine['gap'].mean():z.3f}{of}{star}"]
 
 
 def arms(experiment: Experiment, paper: Paper, entry: Entry, task: str) -> str:

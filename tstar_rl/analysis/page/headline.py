@@ -1,7 +1,7 @@
 """The page's first figure: which arms and differences it shows, from contents.yaml."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +11,18 @@ from matplotlib.figure import Figure
 from tstar_rl.analysis.experiments import read_experiment
 from tstar_rl.analysis.figures import headline_figure
 from tstar_rl.checks import InvalidValueError
+from tstar_rl.config.check import check
 
 __all__ = ["Headline", "parse_headline"]
+
+
+AS_WRITTEN: dict[str, Any] = {
+    "folder": str,
+    "arms": dict[str, str],
+    "differences": dict[str, tuple[str, str]],
+    "beside": dict[str, tuple[str, ...]],
+}
+"""The types of fields in the file, where `Headline` has other ones."""
 
 
 @dataclass(frozen=True)
@@ -63,17 +73,10 @@ def parse_headline(root: Path, values: Mapping[str, Any]) -> Headline:
         values: plain values.
 
     Raises:
-        InvalidValueError: for a field that is missing or not known, and for a difference that is not of two arms.
+        InvalidValueError: for a field that is missing or not known or of another type, and for a difference that is not
+            of two arms.
     """
-    valid = [each.name for each in fields(Headline)]
-    wrong = sorted(set(valid) ^ {"beside", *values})
-    if wrong:
-        raise InvalidValueError(
-            f"headline has {', '.join(valid)}; of these are missing or unknown: {', '.join(wrong)}"
-        )
-    for words, pair in values["differences"].items():
-        if len(pair) != 2:
-            raise InvalidValueError(f"headline: the difference {words!r} must be of two arms, got {pair}")
+    check(values, Headline, "headline", AS_WRITTEN)
     differences = {words: (str(one), str(other)) for words, (one, other) in values["differences"].items()}
     beside = {root / folder: tuple(map(str, arms)) for folder, arms in values.get("beside", {}).items()}
     return Headline(

@@ -27,7 +27,7 @@ from tstar_rl.analysis.page.markdown import (
     picture,
     table,
 )
-from tstar_rl.analysis.task_questions import answer_over_tasks, compare_over_tasks, sign_test
+from tstar_rl.analysis.task_questions import answer_over_tasks, compare_over_tasks, paired_runs, sign_test
 from tstar_rl.checks import InvalidValueError
 
 __all__ = ["draw_over_tasks", "over_tasks", "short_over_tasks"]
@@ -126,10 +126,8 @@ def _answers(experiment: Experiment, tasks: Sequence[str], entry: Entry) -> str:
     """The questions declared over tasks, what was measured, and their answers; nothing if none was declared."""
     if not entry.task_questions:
         return ""
-    found, lines = (
-        compare_over_tasks(experiment.scores(), tasks, [each.pair for each in entry.task_questions]),
-        [],
-    )
+    scores, lines = experiment.scores(), []
+    found = compare_over_tasks(scores, tasks, [each.pair for each in entry.task_questions])
     for question in entry.task_questions:
         measured = [row for row in found.itertuples() if (row.first, row.second) == question.pair]
         cells = [NOTHING, NOTHING, NOTHING]
@@ -137,7 +135,8 @@ def _answers(experiment: Experiment, tasks: Sequence[str], entry: Entry) -> str:
             signs = _signs(*(int(value) for value in (row.ahead, row.behind, row.tasks)))
             cells = [interval(row.improvement, row.improvement_low, row.improvement_high)]
             cells += [f"[{row.seeds_low:.2f}, {row.seeds_high:.2f}]", signs]
-        lines.append([question.asks, *cells, f"**{answer_over_tasks(question, found)}**"])
+        runs = paired_runs(scores, *question.pair)
+        lines.append([question.asks, *cells, f"**{answer_over_tasks(question, found, runs)}**"])
     header = [
         "question, declared before",
         "probability of improvement [95%]",
