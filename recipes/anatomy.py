@@ -4,10 +4,9 @@
     python recipes/anatomy.py scale=narrow "systems=[no_finetuning, floored]"
 
 Reads seams.csv and hand_over_gap.csv, which hand_over_gap.py has left in <results_dir>/<task>/, and the chains' own
-metrics.csv; runs no simulation. What decides a seam is what decides it for the first system, which must fail often enough at
-some seam. It writes anatomy.csv, a
-row for each seam, chain and seed (columns: `tstar_rl.analysis.anatomy`), and anatomy.png. The last system less each
-other one is printed, with Student's interval over seeds.
+metrics.csv; runs no simulation. What decides a seam is what decides it for the first system, which must fail often
+enough at some seam. It writes anatomy.csv, a row for each seam, chain and seed (columns: `tstar_rl.analysis.anatomy`),
+and anatomy.png. The last system less each other one is printed, with Student's interval over seeds.
 """
 
 from pathlib import Path

@@ -26,7 +26,7 @@ from tstar_envs.environment import BatchedEnvironment
 from tstar_envs.furniture import library
 from tstar_envs.scene import SUBSTEPS, build_model
 from tstar_envs.settings import TaskSettings
-from tstar_envs.tasks.actions import NUM_ACTIONS
+from tstar_envs.tasks.actions import NUM_ACTIONS, array_of_actions
 
 # isort: split
 from dm_control.mujoco.wrapper import MjModel
@@ -62,13 +62,11 @@ class AssemblyTask(control.Task):
         """Writes controls for `action` (9,).
 
         Raises:
-            ValueError: it has another shape, or is NaN.
+            ValueError: it has another shape, or is NaN; no episode was begun.
         """
-        values = np.array(action, dtype=np.float64)
-        if values.shape != (NUM_ACTIONS,):
-            raise ValueError(f"an action of {self.world.name} has shape ({NUM_ACTIONS},), got {values.shape}")
+        values = array_of_actions(self.world.name, action, (NUM_ACTIONS,))
         physics.view.catch_up()  # what a user wrote into the data before this step; its controls are this action's
-        self._action = self.world.before_step(torch.from_numpy(values).unsqueeze(0))
+        self._action = self.world.before_step(values.unsqueeze(0))
 
     @torch.inference_mode()
     def after_step(self, physics: AssemblyPhysics) -> None:

@@ -102,9 +102,10 @@ class BatchedEnvironment:
 
     @property
     def arguments(self) -> dict[str, Any]:
-        """Plain values that build this environment again, less the seed and the number of simulations.
+        """Plain values of this environment, as `GymnasiumEnv`, `load_dm` and a TorchRL wrapper take them.
 
-        Of furniture that was built in Python, or read from a file elsewhere, they have the name alone.
+        They lack the seed, the number of simulations, the device and its physics. Of furniture that was built in
+        Python, or read from a file elsewhere, they have the name alone.
         """
         return {"task": self.name, "subtask": self.subtask, **dataclasses.asdict(self.settings)}
 
@@ -170,23 +171,26 @@ class BatchedEnvironment:
 
         Raises:
             ValueError: actions or `running` of another shape, or an action that is NaN; no episode was begun yet.
+            RuntimeError: on a GPU, where contacts were lost; see `physics.warp`.
         """
         if running is None:
-            self._begun.check(None)
             action = self.before_step(action)
             return self.after_step(action, self.physics.step(SUBSTEPS))
-        self._begun.check(running := read_mask(self.name, running, self.num_sims))
+        running = self._read(running)
         if isinstance(action, Tensor) and action.shape == (self.num_sims, NUM_ACTIONS):
-            action = torch.where(running.unsqueeze(-1), action, 0.0)  # 0 does not ask to connect
+            action = torch.where(
+                running.unsqueeze(-1), action.to(running.device), 0.0
+            )  # 0 does not ask to connect
         state, controls = dict(self.state), self.physics.ctrl.clone()
-        action = self.before_step(action)
+        action = self.before_step(action, running)
         write(self.physics.ctrl, controls, ~running)
         self.after_step(action, self.physics.step(SUBSTEPS, running))
         assign(self.state, state, ~running)
 
-    def before_step(self, action: Tensor) -> Tensor:
+    def before_step(self, action: Tensor, running: Tensor | None = None) -> Tensor:
         """The part of a step before the simulator's: writes controls; returns the clipped actions, float64."""
-        action = read_actions(self.name, action, self.num_sims)
+        self._begun.check(running)
+        action = read_actions(self.name, action, self.num_sims, self.physics.device)
         self.task.before_step(self.state, action)
         return action
 
@@ -268,7 +272,7 @@ class BatchedEnvironment:
 
     def _read(self, mask: Tensor | None) -> Tensor:
         """A mask of simulations (N,) as a caller gave it; None is all of them."""
-        return self._all() if mask is None else read_mask(self.name, mask, self.num_sims)
+        return self._all() if mask is None else read_mask(self.name, mask, self.num_sims, self.physics.device)
 
     def _bury(self, failed: Tensor) -> None:
         """Gives failed simulations a valid state to wait in for their reset, and counts those that did not wait yet."""

@@ -19,9 +19,9 @@ from tensordict import TensorDict
 from tstar_envs.checks import finite_number
 from tstar_envs.environment import BatchedEnvironment
 from tstar_envs.furniture import library
-from tstar_envs.gymnasium_shared import INFO, METADATA, Camera, begin, read_actions, read_options, spaces
+from tstar_envs.gymnasium_shared import INFO, METADATA, Camera, begin, read_options, spaces
 from tstar_envs.settings import TaskSettings
-from tstar_envs.tasks.actions import NUM_ACTIONS
+from tstar_envs.tasks.actions import NUM_ACTIONS, array_of_actions
 
 
 def environment_id(furniture: str) -> str:
@@ -112,7 +112,7 @@ class GymnasiumEnv(gymnasium.Env[np.ndarray, np.ndarray]):
             raise gymnasium.error.ResetNeeded(
                 "no episode is under way: call reset() first, and after each end"
             )
-        self.world.step(read_actions(self.world, action, (NUM_ACTIONS,)).unsqueeze(0))
+        self.world.step(array_of_actions(self.world.name, action, (NUM_ACTIONS,)).unsqueeze(0))
         state, task = self.world.state, self.world.task
         terminated, truncated = (bool(flag) for flag in task.get_termination(state))
         self._playing = not (terminated or truncated)

@@ -8,7 +8,6 @@ from typing import Any
 import gymnasium
 import mujoco
 import numpy as np
-import torch
 from gymnasium.spaces import Box
 from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
@@ -113,18 +112,3 @@ def begin(
         world.seed(seed)
     if snapshot is None:
         world.reset(mask)
-
-
-def read_actions(world: BatchedEnvironment, values: Any, shape: tuple[int, ...]) -> Tensor:
-    """Actions as a float64 tensor of their own.
-
-    Raises:
-        ValueError: they have another shape.
-    """
-    actions = np.array(values, dtype=np.float64)
-    if actions.shape != shape:
-        raise ValueError(
-            f"an action of {world.name} has shape {shape} here: 7 joint velocities, gripper, connect; "
-            f"got {actions.shape}"
-        )
-    return torch.from_numpy(actions)

@@ -18,9 +18,9 @@ from torch import Tensor
 
 from tstar_envs.checks import finite_number
 from tstar_envs.environment import BatchedEnvironment
-from tstar_envs.gymnasium_shared import INFO, METADATA, Camera, begin, read_actions, read_options, spaces
+from tstar_envs.gymnasium_shared import INFO, METADATA, Camera, begin, read_options, spaces
 from tstar_envs.settings import TaskSettings
-from tstar_envs.tasks.actions import NUM_ACTIONS
+from tstar_envs.tasks.actions import NUM_ACTIONS, array_of_actions
 
 
 class GymnasiumVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
@@ -101,12 +101,16 @@ class GymnasiumVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             gymnasium.error.ResetNeeded: an episode has ended, or none has begun, and this step is not to reset it.
         """
         self._check_begun()
-        over, values = self._ended, read_actions(self.world, actions, (self.num_envs, NUM_ACTIONS))
+        over, values = self._ended, array_of_actions(self.world.name, actions, (self.num_envs, NUM_ACTIONS))
         resets = bool(over.any())
         self.world.step(values, ~over if resets else None)
-        if resets:
-            self.world.reset(over)
         state, task = self.world.state, self.world.task
+        if resets:
+            terminated, truncated = task.get_termination(state)
+            self._ended = (
+                over | terminated | truncated
+            )  # should no episode begin, they are known to have ended
+            self.world.reset(over)
         terminated, truncated = task.get_termination(state)
         rewards = self.reward_scale * task.get_reward(state).numpy()
         self._ended = terminated | truncated
@@ -122,8 +126,10 @@ class GymnasiumVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         """N images (height, width, 3) uint8; None where nothing can be drawn, after one warning."""
         return self._camera.draw()
 
-    def close_extras(self, **kwargs: Any) -> None:
+    def close(self, **kwargs: Any) -> None:
+        """Gives back what pictures need; a picture after it makes that anew, so it may be called again."""
         self._camera.close()
+        super().close(**kwargs)
 
     def _next_episodes(self) -> dict[str, Any]:
         """Starts the next episode where one has ended; returns what it ended with, as Gymnasium lays it out."""

@@ -30,6 +30,9 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from tstar_envs.checks import finite_number
+from tstar_envs.whole_file import replacing
+
 BACKENDS = ("egl", "osmesa")
 OFF = ("off", "disable", "disabled", "false", "0")
 """Values of MUJOCO_GL that MuJoCo reads as no graphics."""
@@ -169,39 +172,41 @@ def write_png(path: str | Path, image: np.ndarray) -> None:
     """Writes an image (height, width, 3) uint8."""
     from matplotlib import image as matplotlib_image
 
-    Path(path).parent.mkdir(parents=True, exist_ok=True)
-    matplotlib_image.imsave(path, np.ascontiguousarray(image))
+    with replacing(Path(path)) as partial:
+        matplotlib_image.imsave(partial, np.ascontiguousarray(image), format="png")
 
 
 def write_mp4(path: str | Path, frames: Iterable[np.ndarray], frames_per_second: float = 20.0) -> None:
     """Writes images (height, width, 3) uint8 as H.264; at 20 a second, 10 Hz control is shown at twice its speed.
 
-    An earlier film at that path stays until there is a first frame. None is left if `frames` raises after that.
+    An earlier film at that path stays until this one is whole.
 
     Raises:
-        ValueError: the path does not end in .mp4, or there are no frames.
-        OSError: if the film cannot be written, as on a full disk; none is left then.
+        ValueError: the path does not end in .mp4, there are no frames, or not some of them a second.
+        OSError: if the film cannot be written, as on a full disk.
     """
     import imageio.v2 as imageio
 
     path, frames = Path(path), iter(frames)
     if path.suffix.lower() != ".mp4":
         raise ValueError(f"a film is a file that ends in .mp4, got {str(path)!r}")
+    if not finite_number("frames_per_second", frames_per_second) > 0:
+        raise ValueError(f"frames_per_second must be positive, got {frames_per_second}")
     first = list(itertools.islice(frames, 1))
     if not first:
         raise ValueError(f"a film needs at least one frame, got none for {str(path)!r}")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    film = imageio.get_writer(path, format="FFMPEG", fps=frames_per_second, macro_block_size=8)
-    try:
-        for frame in itertools.chain(first, frames):
-            if not _took(film.append_data, frame):  # pyright: ignore[reportAttributeAccessIssue]
-                break
-        if _took(film.close) and path.is_file() and b"moov" in path.read_bytes():  # ffmpeg writes that last
-            return
-    except BaseException:  # of what draws the frames
-        _took(film.close)
-        path.unlink(missing_ok=True)
-        raise
-    path.unlink(missing_ok=True)
-    code = errno.ENOSPC if shutil.disk_usage(path.parent).free < A_FILM else errno.EIO
-    raise OSError(code, os.strerror(code), str(path))
+    with replacing(path) as partial:
+        film = imageio.get_writer(partial, format="FFMPEG", fps=frames_per_second, macro_block_size=8)
+        try:
+            for frame in itertools.chain(first, frames):
+                if not _took(film.append_data, frame):  # pyright: ignore[reportAttributeAccessIssue]
+                    break
+        except BaseException:  # of what draws the frames
+            _took(film.close)
+            raise
+        whole = (
+            _took(film.close) and partial.is_file() and b"moov" in partial.read_bytes()
+        )  # ffmpeg writes that last
+        if not whole:
+            code = errno.ENOSPC if shutil.disk_usage(path.parent).free < A_FILM else errno.EIO
+            raise OSError(code, os.strerror(code), str(path))

@@ -22,6 +22,7 @@ MOST = {
 MOST_STEPS = {"settle_steps": 100_000, "retreat_steps": 10_000, "max_steps": 1_000_000}
 """Of settings that count steps; beyond that a number is a slip, and an episode takes minutes to begin or to go on,
 or hardly ends."""
+AT_LEAST_ONE = ("max_steps", "settle_steps")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -84,12 +85,13 @@ class TaskSettings:
                 raise ValueError(f"setting {name} must not be negative, got {short(value)}")
         for name, most in (MOST | MOST_STEPS).items():
             if (value := getattr(self, name)) > most:
-                raise ValueError(f"setting {name} must be from 0 to {most:.7g}, got {short(value)}")
+                least = 1 if name in AT_LEAST_ONE else 0
+                raise ValueError(f"setting {name} must be from {least} to {most:.7g}, got {short(value)}")
         if self.retreat_steps and self.reset_robot:
             raise ValueError(
                 f"setting retreat_steps={self.retreat_steps} needs reset_robot=false: the arm is put home otherwise"
             )
-        for name in ("max_steps", "settle_steps"):
+        for name in AT_LEAST_ONE:
             if getattr(self, name) < 1:
                 raise ValueError(f"setting {name} must be at least 1, got {getattr(self, name)}")
 

@@ -88,8 +88,8 @@ class SnapshotCheck:
         """Checks the numbers in the rows of `mask` (N,); the snapshot's layout is right and it is on the device.
 
         Raises:
-            ValueError: a subtask or phase is none of this furniture's, a count is negative, a number is not finite, or
-                a part's quaternion is not of length 1.
+            ValueError: a subtask or phase is none of this furniture's, a count is negative, a number is not finite or
+                so large that MuJoCo gives up on it, or a part's quaternion is not of length 1.
         """
         steps = self.tables.num_steps
         for name, most in (("subtask", steps), ("phase", len(PHASES) - 1)):
@@ -112,10 +112,11 @@ class SnapshotCheck:
             value, field = cast(Tensor, snapshot[key]), key if isinstance(key, str) else ".".join(key)
             if not value.is_floating_point():
                 continue
-            wrong = mask & ~value.reshape(self.num_sims, -1).isfinite().all(-1)
+            wrong = mask & ~(value.reshape(self.num_sims, -1).abs() <= mujoco.mjMAXVAL).all(-1)
             if bool(wrong.any()):
                 raise ValueError(
-                    f"{field!r} of a snapshot of {self.name} is not finite in simulation {wrong.nonzero()[0].item()}"
+                    f"{field!r} of a snapshot of {self.name} is not finite, or beyond the {mujoco.mjMAXVAL:.0e} at "
+                    f"which MuJoCo gives up, in simulation {wrong.nonzero()[0].item()}"
                 )
 
         lengths = snapshot["physics"][:, self._qpos][:, self._quats].norm(dim=-1)  # (N, parts)

@@ -8,7 +8,7 @@ from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 
 from tstar_envs import connection, geometry
-from tstar_envs.physics.state_row import row_slice
+from tstar_envs.physics.state_row import row_size, row_slice
 from tstar_envs.robots import sawyer
 from tstar_envs.snapshot_check import APART
 from tstar_envs.tasks.recipe_tables import RecipeTables
@@ -41,7 +41,13 @@ class StateEditor:
             raise ValueError(
                 f"a snapshot has physics, welds and task, as snapshot() gives it; this has {there}"
             )
-        return snapshot["physics"]
+        rows = snapshot["physics"]
+        if rows.ndim != 2 or rows.shape[1] != row_size(self.model):
+            raise ValueError(
+                f"the physics of a snapshot of this furniture has shape (n, {row_size(self.model)}), got "
+                f"{tuple(rows.shape)}: was it taken of other furniture?"
+            )
+        return rows
 
     def one_sided(self, qpos: Tensor) -> Tensor:
         """Positions (n, nq) with the quaternions of each part on one side, so that they have a mean and a spread."""
@@ -80,7 +86,9 @@ class StateEditor:
         rows[:, self._slice(_QVEL)] = 0.0
         rows[:, self._slice(_WARMSTART)] = 0.0
         active = rows[:, self._slice(mujoco.mjtState.mjSTATE_EQ_ACTIVE)] > 0
-        possible = qpos.isfinite().all(-1)
+        possible = qpos.isfinite().all(-1) & (poses[..., 3:].norm(dim=-1) > 0.5).all(
+            -1
+        )  # a quaternion of 0 stays 0
         for k in range(self.tables.num_steps):
             target, moving = poses[:, self.tables.target[k]], poses[:, self.tables.moving[k]]
             pose = torch.cat(

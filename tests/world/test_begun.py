@@ -80,6 +80,27 @@ def test_nor_is_there_one_in_the_vector(mode, monkeypatch):
     envs.step(REST.numpy())
 
 
+def test_what_ended_in_a_step_is_known_where_another_episode_could_not_begin(monkeypatch):
+    envs = GymnasiumVectorEnv("table_lack", 2, 0, max_steps=2)
+    envs.reset(seed=0)
+    envs.step(REST.numpy())
+    envs.reset(options={"reset_mask": np.array([False, True])})
+    envs.step(REST.numpy())  # the first ends
+    with monkeypatch.context() as patch, pytest.raises(StartError):
+        unsettled(envs.world, patch)
+        envs.step(REST.numpy())  # the second ends, the first does not begin
+    envs.step(REST.numpy())
+    assert envs.world.state["episode_step"].tolist() == [0, 0]
+
+
+def test_dm_control_steps_no_simulation_without_an_episode():
+    dm = tstar_envs.load_dm("table_lack", 0, 0)
+    dm.reset()
+    dm.world.restore(tstar_envs.load_dm("table_lack", 0).snapshot())
+    with pytest.raises(ValueError, match="no episode of table_lack was begun"):
+        dm.step(np.zeros(9))
+
+
 def test_nor_is_there_one_in_the_single_environments(monkeypatch):
     env, dm = GymnasiumEnv("table_lack", 0), tstar_envs.load_dm("table_lack", 0, 0)
     env.reset(seed=0)

@@ -120,7 +120,7 @@ def test_a_keyword_that_is_no_setting_is_a_type_error():
 def test_mistakes_when_stepping_are_told():
     env = load_dm(TASK, subtask=0, seed=0)
     env.reset()
-    with pytest.raises(ValueError, match=r"shape \(9,\), got \(8,\)"):
+    with pytest.raises(ValueError, match=r"shape \(9,\) here: .*; got \(8,\)"):
         env.step(np.zeros(8))
     with pytest.raises(ValueError, match="NaN"):
         env.step(np.full(9, np.nan))

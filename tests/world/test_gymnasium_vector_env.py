@@ -7,6 +7,7 @@ from gymnasium.utils.env_checker import data_equivalence
 from gymnasium.vector import AutoresetMode
 
 import tstar_envs  # noqa: F401  registers the ids
+from tstar_envs.gymnasium_vector_env import GymnasiumVectorEnv
 from tstar_envs.scene import SUBSTEPS
 
 ID = "tstar/TableLack-v0"
@@ -99,3 +100,13 @@ def test_a_step_ignores_the_action_of_a_row_that_it_resets():
     assert env.step(np.zeros((2, 9)))[3].all()
     _, rewards, terminated, truncated, _ = env.step(np.full((2, 9), np.nan))
     assert not rewards.any() and not terminated.any() and not truncated.any()
+
+
+def test_a_picture_after_closing_is_drawn_anew_and_closed_again():
+    envs = GymnasiumVectorEnv("table_lack", 1, 0, render_mode="rgb_array", width=16, height=16)
+    envs.reset(seed=0)
+    for _ in range(2):
+        drawn = envs.render()
+        assert (envs._camera._renderer is not None) is (drawn is not None)
+        envs.close()
+        assert envs._camera._renderer is None

@@ -1,5 +1,6 @@
 """Pictures of states, where this machine can draw."""
 
+import errno
 import os
 import subprocess
 import sys
@@ -105,14 +106,47 @@ def test_a_film_that_cannot_be_leaves_an_earlier_one(tmp_path, name, count, mess
     assert (tmp_path / name).read_text() == "earlier"
 
 
-def test_what_draws_the_frames_fails_as_itself_and_leaves_no_film(tmp_path):
+def test_what_draws_the_frames_fails_as_itself_and_leaves_what_was_there(tmp_path):
     def frames():
         yield np.zeros((64, 64, 3), dtype=np.uint8)
         raise FileNotFoundError("a frame")
 
-    with pytest.raises(FileNotFoundError, match="a frame"):
-        rendering.write_mp4(tmp_path / "film.mp4", frames())
-    assert not list(tmp_path.iterdir())
+    for there in ((), ("film.mp4",)):
+        for name in there:
+            (tmp_path / name).write_text("earlier")
+        with pytest.raises(FileNotFoundError, match="a frame"):
+            rendering.write_mp4(tmp_path / "film.mp4", frames())
+        assert [path.name for path in tmp_path.iterdir()] == list(there)
+    assert (tmp_path / "film.mp4").read_text() == "earlier"
+
+
+@pytest.mark.parametrize(
+    ("rate", "message"),
+    [
+        (0, "must be positive, got 0"),
+        (-5, "must be positive"),
+        (float("nan"), "must be a finite number, got nan"),
+    ],
+)
+def test_a_rate_of_frames_that_cannot_be_leaves_an_earlier_film(tmp_path, rate, message):
+    (tmp_path / "film.mp4").write_text("earlier")
+    with pytest.raises(ValueError, match=f"frames_per_second {message}"):
+        rendering.write_mp4(tmp_path / "film.mp4", [np.zeros((64, 64, 3), dtype=np.uint8)], rate)
+    assert (tmp_path / "film.mp4").read_text() == "earlier"
+
+
+def test_a_picture_that_cannot_be_written_leaves_an_earlier_one(tmp_path, monkeypatch):
+    from matplotlib import image
+
+    def full(path, *_, **__):
+        path.write_bytes(b"half")
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    (tmp_path / "state.png").write_text("earlier")
+    monkeypatch.setattr(image, "imsave", full)
+    with pytest.raises(OSError, match="No space left"):
+        rendering.write_png(tmp_path / "state.png", np.zeros((4, 4, 3), dtype=np.uint8))
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["earlier"]
 
 
 def test_mistakes_are_told(model, renderer):

@@ -99,7 +99,7 @@ def test_finished_pieces_are_told_apart_by_what_their_welds_join():
         (lambda s: s.set("welds", s["welds"][:, :3]), r"'welds' .* \(2, 4, \d+\), got \(2, 3, \d+\): was it taken of"),
         (lambda s: s[:1], r"a snapshot of 2 simulations is needed, got \(1,\)"),
         (lambda s: s.to_dict(), "is the TensorDict that snapshot.. gives, got a dict"),
-        (lambda s: s.set("welds", torch.nan * s["welds"]), "'welds' of a .* is not finite in simulation 0"),
+        (lambda s: s.set("welds", torch.nan * s["welds"]), "'welds' of a .* is not finite, .* in simulation 0"),
         (lambda s: s.set("physics", s["physics"].float()), "'physics' of a .* is of torch.float64, got torch.float32"),
         (lambda s: s.set(("task", "subtask"), torch.tensor([0, 2])),
          r"simulation 1 is of no state of table_lack: at subtask 2 the welds of the steps .* those of steps \[\]"),
@@ -108,11 +108,12 @@ def test_finished_pieces_are_told_apart_by_what_their_welds_join():
         (lambda s: s.set(("task", "phase"), torch.tensor([0, 12])), r"'task\.phase' .* in 0\.\.7, got 12 in"),
         (lambda s: s.set(("task", "episode_step"), torch.tensor([0, -9])), r"'task\.episode_step' .* count, got -9 in"),
         (lambda s: s.set(("task", "completed"), torch.tensor([-1, 0])), r"'task\.completed' .* is a count, got -1 in"),
-        (lambda s: s.set("physics", torch.nan * s["physics"]), "'physics' .*is not finite in simulation 0"),
-        (lambda s: s.set("physics", torch.inf + s["physics"]), "'physics' .*is not finite in simulation 0"),
+        (lambda s: s.set("physics", torch.nan * s["physics"]), "'physics' .*is not finite, .* in simulation 0"),
+        (lambda s: s.set("physics", torch.inf + s["physics"]), "'physics' .*is not finite, .* in simulation 0"),
+        (lambda s: s.set("physics", 1e12 + s["physics"]), "'physics' .*, or beyond the 1e.10 at which MuJoCo gives up"),
         (lambda s: s.set(("task", "potential"), torch.nan * s["task", "potential"]), "'task.potential' .* not finite"),
         (lambda s: s.set(("task", "reward"), torch.tensor([0, torch.nan]).double()),
-         "'task.reward' .* is not finite in simulation 1"),
+         "'task.reward' .* is not finite, .* in simulation 1"),
         (lambda s: s.set("physics", stretched(s["physics"])), "quaternion .* in simulation 1 has length 3, not 1"),
         (lambda s: s.set("physics", stretched(s["physics"], 0.5)), "quaternion .* has length 0.5, not 1"),
     ],
@@ -181,3 +182,13 @@ def test_ones_own_is_taken_where_an_episode_was_stepped_on_after_its_success():
     snapshot = world.snapshot()
     world.restore(snapshot)
     assert torch.equal(world.state["subtask"], snapshot["task", "subtask"])
+
+
+def test_positions_are_of_this_furniture_and_its_quaternions_turn():
+    world, other = make(1, 0), make(1, 0, name="table_bjorkudden_0206")
+    with pytest.raises(ValueError, match="has shape .*: was it taken of other furniture"):
+        world.qpos_of(other.snapshot())
+    qpos = world.qpos_of(world.snapshot())
+    assert world.with_qpos(world.snapshot(), qpos)[1].all()
+    qpos[:, -4:] = 0.0
+    assert not world.with_qpos(world.snapshot(), qpos)[1].any()

@@ -1,4 +1,4 @@
-"""Differential inverse kinematics: a hand twist to the nine actions of the task."""
+"""Differential inverse kinematics: a hand twist to joint velocities, and these to the seven actions of the arm."""
 
 from __future__ import annotations
 

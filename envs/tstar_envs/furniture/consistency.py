@@ -96,7 +96,7 @@ def _check_part(part: Part, where: str) -> None:
 
 def _check_shape(shape: Shape, where: str) -> None:
     if isinstance(shape, Box):
-        check_sizes(f"{where}.size", shape.size)
+        check_sizes(f"{where}.size", shape.size, 3)
     else:
         check_sizes(f"{where}.radius", (shape.radius,))
         check_sizes(f"{where}.half_length", (shape.half_length,))

@@ -38,7 +38,7 @@ def names() -> tuple[str, ...]:
     Raises:
         FurnitureError: `FURTHER` names what is no folder.
     """
-    found = {path.stem for folder in _folders() for path in folder.glob("*.yaml")}
+    found = {path.stem for folder in _folders() for path in folder.glob("*.yaml") if path.is_file()}
     return tuple(sorted(filter(is_name, found)))
 
 
@@ -63,6 +63,7 @@ def load(name: str) -> Furniture:
 
     Raises:
         FurnitureError: no file of that name, or a field of it is wrong.
+        OSError: its file cannot be read.
     """
     if not isinstance(name, str):
         raise FurnitureError(

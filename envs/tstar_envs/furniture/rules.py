@@ -41,11 +41,10 @@ def check_lengths(where: str, values: Sequence[float]) -> None:
         raise FurnitureError(f"{where}: got {got}, expected lengths in m, none beyond {MAX_LENGTH:g}")
 
 
-def check_sizes(where: str, values: Sequence[float]) -> None:
-    """Half-sizes or a radius in m, between `MIN_SIZE` and half of `MAX_LENGTH`."""
+def check_sizes(where: str, values: Sequence[float], count: int = 1) -> None:
+    """`count` half-sizes, or a radius, in m, between `MIN_SIZE` and half of `MAX_LENGTH`."""
     most = MAX_LENGTH / 2
-    for value in values:
-        check_number(where, value)
+    _check_numbers(where, values, count)
     if min(values) < MIN_SIZE or max(values) > most:
         got = list(values) if len(values) > 1 else values[0]
         raise FurnitureError(f"{where}: got {got}, expected half-sizes in m from {MIN_SIZE:g} to {most:g}")

@@ -36,6 +36,8 @@ class SinglePhysics:
         self._save()
         self._current = False
         """Whether positions, velocities and their sensors are those of the state."""
+        self._warned, self._broken = data.warning.number.copy(), False
+        """What MuJoCo had warned of after the last step, and whether it gave up since: the next step says so."""
         self._controls = row_slice(model, _STATE.mjSTATE_CTRL)
         rows = torch.from_numpy(self._row).unsqueeze(0)
         parts = (_STATE.mjSTATE_QPOS, _STATE.mjSTATE_QVEL, _STATE.mjSTATE_CTRL, _STATE.mjSTATE_EQ_ACTIVE)
@@ -57,9 +59,8 @@ class SinglePhysics:
     def step(self, substeps: int, mask: Tensor | None = None) -> Tensor:
         if mask is not None and not bool(mask[0]):
             return torch.zeros(1, dtype=torch.bool)
-        failed = False
         self._load()
-        warned = self.data.warning.number.copy()
+        failed, self._broken = self._broken, False
         try:
             if self._current:  # the first half of the first substep has been done
                 mujoco.mj_step2(self.model, self.data)
@@ -72,7 +73,8 @@ class SinglePhysics:
         except mujoco.FatalError:
             failed = True
         self._save()
-        failed = failed or bool((self.data.warning.number != warned).any())
+        failed = failed or bool((self.data.warning.number != self._warned).any())
+        self._warned = self.data.warning.number.copy()
         failed = failed or not (np.isfinite(self.data.qpos).all() and np.isfinite(self.data.qvel).all())
         return torch.tensor([failed])
 
@@ -82,12 +84,16 @@ class SinglePhysics:
     def forward(self, mask: Tensor | None = None) -> None:
         if mask is None or bool(mask[0]):
             self._load()
-            mujoco.mj_step1(self.model, self.data)
+            try:
+                mujoco.mj_step1(self.model, self.data)
+            except mujoco.FatalError:
+                self._broken = True
             self._save()
 
     def clear(self, mask: Tensor) -> None:
         if bool(mask[0]):
             mujoco.mj_resetData(self.model, self.data)
+            self._warned, self._broken = self.data.warning.number.copy(), False
             self.eq_data.copy_(self.compiled_welds)
             self._save()
             self._current = False

@@ -42,7 +42,11 @@ class PhysicsView(Protocol):
         ...
 
     def step(self, substeps: int, mask: Tensor | None = None) -> Tensor:
-        """Advances the simulations of `mask` (N,), by default all; returns the mask (N,) of those that failed."""
+        """Advances the simulations of `mask` (N,), by default all; returns the mask (N,) of those that failed.
+
+        Raises:
+            RuntimeError: on a GPU, where contacts of some simulation were lost. It is looked for now and then.
+        """
         ...
 
     def forward(self, mask: Tensor | None = None) -> None:
@@ -52,7 +56,8 @@ class PhysicsView(Protocol):
     def settle(self, mask: Tensor, substeps: int) -> Tensor:
         """Advances the simulations of `mask` while parts come to rest; returns the mask (N,) of those that failed.
 
-        Unlike `step` it raises, where a simulator has too little room for parts at rest.
+        Raises:
+            RuntimeError: on a GPU, where there is too little room for parts at rest; it is looked for each time.
         """
         ...
 

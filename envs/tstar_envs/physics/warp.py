@@ -94,12 +94,13 @@ class WarpPhysics:
         before = None if mask is None else (self.state(), self.eq_data.clone())
         failed, cramped = self._advance(substeps)
         self._steps += 1
+        failed = failed | cramped
+        if mask is not None and before is not None:
+            self.set_state(*before, ~mask)
+            failed = failed & mask
         if self._steps % CHECKED_EVERY == 0:
             self.check_room()
-        if mask is None or before is None:
-            return failed | cramped
-        self.set_state(*before, ~mask)
-        return (failed | cramped) & mask
+        return failed
 
     def settle(self, mask: Tensor, substeps: int) -> Tensor:
         before, welds = self.state(), self.eq_data.clone()

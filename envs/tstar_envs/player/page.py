@@ -13,6 +13,7 @@ import mujoco
 from tstar_envs.player.episode import Episode
 from tstar_envs.player.geometry import scene
 from tstar_envs.scene import SUBSTEPS, TIMESTEP
+from tstar_envs.whole_file import replacing
 
 SCRIPTS = ("matrices.js", "shapes.js", "view.js", "camera.js", "episode.js", "timeline.js", "main.js")
 """In this order: each uses those before it."""
@@ -64,8 +65,8 @@ def write_player(
         "episodes": [episode.to_plain(model) for episode in episodes],
     }
     path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(_page(content), encoding="utf-8")
+    with replacing(path) as partial:
+        partial.write_text(_page(content), encoding="utf-8")
     return path
 
 

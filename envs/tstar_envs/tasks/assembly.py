@@ -93,7 +93,7 @@ class Assembly(BatchedTask):
         fresh["start_target"].copy_(scene.target_connector)
         fresh["lift_point"].copy_(scene.part + self.tables.waypoint[self.tables.step_index(state["subtask"])])
         fresh["potential"].copy_(self.step_reward.potentials(self.scene(fresh)))
-        kept = ("subtask", "reward", *_OF_EPISODES)
+        kept = ("subtask", *_OF_EPISODES)
         assign(state, {name: value for name, value in fresh.items() if name not in kept}, mask)
 
     def before_step(self, state: EpisodeState, action: Tensor) -> None:
@@ -183,7 +183,7 @@ _WHOLE = ("subtask", "phase", "episode_step", "completed")
 _REAL = ("reward", "grip_action", "asked")
 _FLAGS = ("half_paid", "success", "wrong", "failed", "disturbed")
 _POINTS = ("start_tip", "start_target", "lift_point")
-_OF_EPISODES = ("episode_step", "completed", "success", "wrong", "failed", "disturbed")
+_OF_EPISODES = ("episode_step", "completed", "reward", "success", "wrong", "failed", "disturbed")
 
 
 def assign(state: EpisodeState, fresh: EpisodeState, mask: Tensor) -> None:

@@ -65,6 +65,11 @@ def test_pieces_may_lie_in_folders_of_a_users_own(tmp_path, monkeypatch):
         FurnitureError, match="two pieces are called 'chair_agne': .*; rename one of the files"
     ):
         library.load("chair_agne")
+    (tmp_path / "my_stool.yaml").symlink_to(tmp_path / "moved_away.yaml")
+    monkeypatch.setenv(library.FURTHER, str(tmp_path))
+    assert "my_stool" not in library.names()
+    with pytest.raises(FurnitureError, match="no furniture is called 'my_stool'"):
+        library.load("my_stool")
     monkeypatch.setenv(library.FURTHER, str(tmp_path / "nowhere"))
     with pytest.raises(FurnitureError, match="TSTAR_FURNITURE names .*nowhere, which is no folder"):
         library.names()

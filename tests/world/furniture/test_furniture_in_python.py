@@ -6,6 +6,7 @@ import pytest
 
 from tstar_envs import furniture
 from tstar_envs.furniture import FurnitureError
+from tstar_envs.furniture.shapes import Box
 
 
 def changed_step(chair, **values):
@@ -42,6 +43,9 @@ def test_a_connector_is_joined_once():
         (lambda c: changed_part(c, name=""), "parts: got '', expected a name"),
         (lambda c: replace(c, z_finedist=-1), "z_finedist: got -1, expected a positive number"),
         (lambda c: replace(c, name=3), "name: got 3, expected a name"),
+        (lambda c: changed_part(c, boxes=(Box((0.1, 0.1)),)), r"seat.boxes\[0\].size: got "),
+        (lambda c: changed_part(c, boxes=(Box((0.1,) * 4),)), r"seat.boxes\[0\].size: got "),
+        (lambda c: changed_part(c, boxes=(Box(0.1),)), r"seat.boxes\[0\].size: got "),
         (lambda c: changed_connector(c, kind=None), r"seat\.connectors\..*\.kind: got None, expected a name"),
         (lambda c: changed_connector(c, mates_with=3), r"\.mates_with: got 3, expected a name"),
         (

@@ -194,6 +194,51 @@ def test_nothing_connects_without_asking_or_holding():
     assert not world.physics.eq_active.any()
 
 
+def test_what_is_aligned_and_not_held_does_not_connect(monkeypatch):
+    world = make(2)
+    expert = world.expert()
+    for _ in range(200):
+        action = expert.act(world.state)
+        action[:, 8] = -1.0
+        world.step(action)
+        if aligned(world).all():
+            break
+    here, asking = world.snapshot(), idle(world)
+    asking[:, 8] = 1.0
+    asking[:, 7] = action[:, 7]  # the hand stays closed
+    reader = world.task._reader
+    with monkeypatch.context() as patch:
+        patch.setattr(reader, "_contacts", torch.zeros_like(reader._contacts))
+        world.step(asking)
+        assert not world.physics.eq_active.any() and not world.state["completed"].any()
+    world.restore(here)
+    world.step(asking)
+    assert world.state["completed"].tolist() == [1, 1]
+
+
+def test_what_is_held_and_not_aligned_does_not_connect():
+    world = make(1)
+    expert = world.expert()
+    while not world.task.scene(world.state).touching.all():
+        action = expert.act(world.state)
+        action[:, 8] = -1.0
+        world.step(action)
+    action[:, 8] = 1.0
+    world.step(action)
+    assert world.task.scene(world.state).touching.all() and not aligned(world).any()
+    assert not world.physics.eq_active.any() and not world.state["completed"].any()
+
+
+def test_an_episode_that_begins_in_a_restored_state_was_paid_nothing_yet():
+    world = make(1)
+    expert = world.expert()
+    while not world.state["success"].all():
+        world.step(expert.act(world.state))
+    after = make(1, 1)
+    after.reset_to(world.snapshot())
+    assert world.state["reward"].item() > 0 and after.state["reward"].item() == 0
+
+
 def test_a_wrong_connection_ends_the_episode():
     """The expert of step 1 holds its part right; the task is told that it is at step 0."""
     world = make(1, 1)
