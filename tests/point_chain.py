@@ -45,7 +45,9 @@ class PointChain(EnvBase):
         flags = {name: Binary(1, (n, 1), dtype=torch.bool) for name in ("done", "terminated", "truncated")}
         snapshot = Composite(
             physics=Unbounded((n, 4), dtype=torch.float64),
-            task=Composite(subtask=Unbounded((n,), dtype=torch.int64), shape=[n]),
+            task=Composite(
+                {name: Unbounded((n,), dtype=torch.int64) for name in ("subtask", "episode_step")}, shape=[n]
+            ),
             shape=[n],
         )
         self.observation_spec = Composite(
@@ -61,7 +63,7 @@ class PointChain(EnvBase):
 
     def snapshot(self) -> TensorDict:
         """What decides the future of each point."""
-        task = TensorDict({"subtask": self.now.clone()}, self.batch_size)
+        task = TensorDict({"subtask": self.now.clone(), "episode_step": self.steps.clone()}, self.batch_size)
         return TensorDict({"physics": self.physics.clone(), "task": task}, self.batch_size)
 
     def state_dict(self, *args, **kwargs) -> dict:
@@ -112,6 +114,7 @@ class PointChain(EnvBase):
             self.now[use] = start["snapshot", "task", "subtask"][use]
             if "goes_on" in start:
                 self.completed[use] = self.now[use]
+                self.steps[use] = start["snapshot", "task", "episode_step"][use]
             assert self.subtask is None or bool((self.now[use] == self.subtask).all())
         no = torch.zeros(n, dtype=torch.bool)
         return self._out(no, no, no)

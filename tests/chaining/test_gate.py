@@ -44,7 +44,7 @@ def of_progress(number: float) -> Trial:
     path = Path(nothing[:0], torch.arange(0), torch.arange(0))
     return Trial(
         [
-            SkillTrial(nothing, won, states, torch.arange(100), path, steps)
+            SkillTrial(nothing, won, states, won[:0], torch.arange(100), path, steps)
             for won, steps in ((before, 7), (after, 3))
         ]
     )

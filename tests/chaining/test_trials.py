@@ -4,14 +4,16 @@ import pytest
 import torch
 from point_chain import PointChain, make_skills
 from torch.testing import assert_close
-from torchrl.envs import TransformedEnv
+from torchrl.envs import ExplorationType, TransformedEnv, set_exploration_type
 
-from tstar_rl.chaining.chain import load_chain
+from tstar_rl.chaining.chain import ChainPolicy, load_chain
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.chaining.training import Training
 from tstar_rl.chaining.trials import Trial, run_trial
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.rollouts.collection import with_starts
+from tstar_rl.rollouts.episodes import run_episodes
+from tstar_rl.rollouts.hand_overs import HandOvers
 from tstar_rl.runs import checkpoint
 
 
@@ -49,16 +51,51 @@ def test_a_trial_of_a_shorter_chain_ends_where_the_chain_does(skills):
 
 
 class Breaking(PointChain):
-    """Its simulations 0 and 1 break in the step in which they arrive, as where MuJoCo gives up."""
+    """Its simulations 0 and 1 break in the step in which they arrive, as where MuJoCo gives up: nothing is joined."""
 
     def _step(self, tensordict):
         before = self.now[:2].clone()
         out = super()._step(tensordict)
         broken = self.now[:2] > before
+        for name, mine in (("subtask", self.now), ("completed", self.completed)):
+            mine[:2] -= broken.long()
+            out[name][:2, 0] = mine[:2]
         out["terminated"][:2, 0] |= broken
         out["done"][:2, 0] |= broken
         out["success"][:2, 0] &= ~broken
         return out
+
+
+class Disturbed(PointChain):
+    """Its simulations 0 and 1 end in the step in which they do the first subtask, as with end_on_disturbance."""
+
+    def _step(self, tensordict):
+        before = self.now[:2].clone()
+        out = super()._step(tensordict)
+        over = (self.now[:2] > before) & (self.now[:2] == 1)
+        for name in ("terminated", "done"):
+            out[name][:2, 0] |= over
+        return out
+
+
+@pytest.mark.parametrize(
+    ("kind", "limit"), [*((PointChain, limit) for limit in range(2, 11)), (Disturbed, 32)]
+)
+def test_what_ends_as_it_is_joined_counts_and_is_handed_to_nobody(skills, kind, limit):
+    """A trial runs skill after skill, an evaluation the chain from end to end: both say the same."""
+
+    def env():
+        made = with_starts(kind("table_lack", 32, None, seed=3))
+        made.base_env.max_steps = limit
+        return made
+
+    trial, hand_overs = run_trial(skills, env()), HandOvers(4)
+    with set_exploration_type(ExplorationType.DETERMINISTIC):
+        last = run_episodes(env(), ChainPolicy(skills), hand_overs)
+    assert torch.equal(trial.completed, last["next", "completed"].squeeze(-1))
+    for seam, found in zip(hand_overs.seams(), trial.skills[1:], strict=True):
+        assert torch.equal(seam.observations, found.starts) and torch.equal(seam.succeeded, found.succeeded)
+    assert trial.steps() == int(last["next", "step_count"].sum())
 
 
 def test_a_simulation_that_breaks_as_it_arrives_has_not_succeeded(skills):

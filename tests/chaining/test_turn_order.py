@@ -21,7 +21,7 @@ def trial(*completed: int, skills: int = 3) -> Trial:
         )
         won = torch.tensor([done > skill for done in completed if done >= skill], dtype=torch.bool)
         starts, path = torch.zeros(len(won), 2), Path(torch.zeros(0, 2), nothing, nothing)
-        found.append(SkillTrial(starts, won, TensorDict(batch_size=[0]), simulations, path, 0))
+        found.append(SkillTrial(starts, won, TensorDict(batch_size=[0]), won[:0], simulations, path, 0))
     return Trial(found)
 
 

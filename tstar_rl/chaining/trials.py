@@ -1,7 +1,8 @@
 """Trials: deterministic episodes of the whole chain, and what they tell of every skill in it.
 
-A trial runs skill after skill, each from the states in which the one before it succeeded. So what it tells of a skill
-hangs on that skill and those before it alone, and need not be found again while these stand still.
+A trial runs skill after skill, each from the states in which the one before it succeeded and the episode went on. So
+what it tells of a skill hangs on that skill and those before it alone, and need not be found again while these stand
+still.
 """
 
 from collections.abc import Callable, Sequence
@@ -29,6 +30,8 @@ class SkillTrial:
         starts: (n, O), the observations in which it began: its own starts, or where the skill before ended.
         succeeded: (n,) bool.
         ends: batch [number of successes], "observation" and "snapshot" of the states in which it succeeded.
+        over: (number of successes,) bool, whether the episode ended in that step, at its time limit or as the task was
+            done: such a state is handed to nobody.
         simulations: (n,) int64, in which simulation each start was.
         path: the last states of its episodes; none where a trial keeps no paths.
         steps: environment steps of these episodes.
@@ -37,9 +40,15 @@ class SkillTrial:
     starts: Tensor
     succeeded: Tensor
     ends: TensorDictBase
+    over: Tensor
     simulations: Tensor
     path: Path
     steps: int
+
+    @property
+    def handed_on(self) -> Tensor:
+        """(m,) int64, the simulations in which the next skill takes over."""
+        return self.simulations[self.succeeded][~self.over]
 
     @property
     def success(self) -> float:
@@ -100,7 +109,7 @@ class _Notes:
         self.starts: Tensor | None = None
         self.succeeded = torch.zeros_like(rows)
         self.ended: list[tuple[Tensor, TensorDictBase]] = []
-        """Simulations that succeeded in a step, and their states then."""
+        """Simulations that succeeded in a step, and their states then, with "over"."""
         self.running, self.path = rows.clone(), PathLog(len(rows), path_steps)
 
     def __call__(self, step: TensorDictBase) -> None:
@@ -109,13 +118,14 @@ class _Notes:
             self.path.add(step["observation"], self.running)
         reached: Tensor = step["next", "observation"]
         self.path.add(reached, self.running)
-        sound = ~step["next", "terminated"].squeeze(-1) | step["next", "success"].squeeze(-1)
-        made = self.running & sound & (step["next", "subtask"].squeeze(-1) > self.skill)
-        self.running &= ~(made | step["next", "done"].squeeze(-1))
+        done = step["next", "done"].squeeze(-1)
+        made = self.running & (step["next", "subtask"].squeeze(-1) > self.skill)
+        self.running &= ~(made | done)
         if bool(made.any()):
             end = {
                 "observation": reached[made].clone(),
                 "snapshot": self.env.base_env.snapshot()[made].clone(),
+                "over": done[made].clone(),
             }
             simulations = made.nonzero().squeeze(-1)
             self.ended.append((simulations, TensorDict(end, [len(simulations)])))
@@ -125,12 +135,13 @@ class _Notes:
         """What was noted, after the last step."""
         assert self.starts is not None
         simulations = self.rows.nonzero().squeeze(-1)
-        ends: TensorDictBase = TensorDict(batch_size=[0])
+        ends: TensorDictBase = TensorDict({"over": torch.zeros_like(self.rows[:0])}, [0])
         if self.ended:
             order = torch.cat([at for at, _ in self.ended]).argsort()
             ends = torch.cat([states for _, states in self.ended])[order]  # pyright: ignore
+        succeeded, path = self.succeeded[simulations], self.path.of(simulations)
         return SkillTrial(
-            self.starts, self.succeeded[simulations], ends, simulations, self.path.of(simulations), steps
+            self.starts, succeeded, ends.exclude("over"), ends["over"], simulations, path, steps
         )
 
 
@@ -190,15 +201,15 @@ def _run_skill(
     before: SkillTrial | None,
     path_steps: int,
 ) -> SkillTrial:
-    """One skill, from the environment's own starts or from where the skill before succeeded."""
+    """One skill, from the environment's own starts or from where the skill before handed over."""
     rows = torch.ones(env.batch_size, dtype=torch.bool, device=env.device)
     if before is not None:
-        made = before.simulations[before.succeeded]
+        made = before.handed_on
         if not len(made):
-            nobody = PathLog(len(rows), path_steps).of(made)
-            return SkillTrial(before.starts[:0], before.succeeded[:0], before.ends, made, nobody, 0)
+            nobody, none = PathLog(len(rows), path_steps).of(made), before.succeeded[:0]
+            return SkillTrial(before.starts[:0], none, before.ends[:0], none, made, nobody, 0)
         rows = torch.zeros_like(rows).index_fill(0, made, True)
-        handed.hand(before.ends["snapshot"], rows)
+        handed.hand(before.ends["snapshot"][~before.over], rows)
     notes = _Notes(env, index, rows, path_steps)
     last = run_episodes(env, policy, notes, enough=index + 1, rows=rows)
     steps: Tensor = last["next", "step_count"]
