@@ -1,4 +1,8 @@
-"""The part of the bench that learns: a warm start, and the loop of `gail_ppo.py` after it."""
+"""The part of the bench that learns: a warm start, and the loop of `gail_ppo.py` after it.
+
+Of that loop it leaves out what costs next to nothing: a normaliser that runs on, and rates and noise that change with
+progress.
+"""
 
 import time
 

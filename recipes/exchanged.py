@@ -19,6 +19,7 @@ from omegaconf import DictConfig
 
 from tstar_rl.analysis.exchanged import exchange_effects
 from tstar_rl.analysis.figures import exchanged_figure, save_figure
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.chain import skills_as_they_are
 from tstar_rl.config.load import recipe
 from tstar_rl.config.seams import chain_of, env_at_seam
@@ -30,13 +31,24 @@ from tstar_rl.seams.exchange import exchange_skills
 from tstar_rl.seeds import evaluation_seed
 
 
-@recipe("exchanged", checkpoint=str, from_checkpoint=str, against=str | None)
+@recipe("exchanged", checkpoint=str, from_checkpoint=str | None, against=str | None)
 def main(config: DictConfig) -> None:
     """Measures one chain, writes and prints its table."""
+    if config.against is not None and config.from_checkpoint is not None:
+        raise InvalidValueError(
+            f"from_checkpoint is of the skills that a chain began with, and against={config.against} exchanges with "
+            f"another chain; got {config.from_checkpoint}"
+        )
     check_chain(config, config.system)
     after = chain_of(config, config.system)
     if config.against is None:
+        asked, config.from_checkpoint = config.from_checkpoint, config.from_checkpoint or "last"
         config.skills, config.from_checkpoint = begun_with(run_folder(config, "results_dir"), config)
+        if asked not in (None, config.from_checkpoint):
+            raise InvalidValueError(
+                f"from_checkpoint must be null, got {asked}: the training of {config.system} noted that it began from "
+                f"{config.from_checkpoint}"
+            )
         before = skills_as_they_are(config, config.from_checkpoint)
     else:
         check_chain(config, config.against)

@@ -9,7 +9,7 @@ the chained ones of the next skill's own turns (with chain.kept_states=all, all)
 nothing. Its label is whether the next skill succeeded, or the share of the rest of the chain that was then done. With
 hard_starts, that share of chained starts is drawn where another classifier, of the skill's own outcomes, expects it to
 fail; it learns in the skill's own turn, so those before the first update are drawn uniformly. Control:
-`policy_sequencing.py` with the constant bonus that F paid on average.
+`policy_sequencing.py` with the constant bonus that F paid on average, on the same chain.starts.
 """
 
 from omegaconf import DictConfig

@@ -4,8 +4,9 @@
 
 The critic counts only as far as it is sure: (1 - min(alpha A^2, 1)) V, with A its temporal difference error. That error
 is seen in the next skill's own turns, in the first step of every episode, where a small network learns it. Until such a
-turn was kept it is not known, and the critic is trusted; `chain.order=backward` begins with the last skill.
-Control: `policy_sequencing.py` with the constant bonus that this paid on average.
+turn was kept it is not known, and the critic is trusted; `chain.order=backward` begins with the last skill. V counts in
+units of its mean over the states from which the next skill has succeeded; nothing is paid while there is no such mean.
+Control: `policy_sequencing.py` with the constant bonus that this paid on average, on the same chain.starts.
 """
 
 from omegaconf import DictConfig
@@ -30,9 +31,9 @@ def main(config: DictConfig) -> None:
         update_policy = turn.policy_update()
         update_f_phi = turn.discriminator_update("f_phi", skill, f_phi, expert=1.0, agent=-1.0)
         update_error = turn.labelled_update("value_error", skill, rl.squared_error_loss, learning)
-        if following:
+        scale = rl.value_scale(following, config.value_scale) if following else None
+        if following and scale:
             error = turn.learned("value_error", following)
-            scale = rl.value_scale(following, config.value_scale)
             signal = rl.HandOverValueReward(
                 rl.StateValue(following), error, config.alpha, scale, **config.terminal_reward
             )
@@ -44,7 +45,8 @@ def main(config: DictConfig) -> None:
             skill.termination_set.extend_from(turn.chained(rollout))
             log = update_f_phi(expert=turn.expert.observations, agent=rollout["observation"])
             log |= update_policy(reward(rollout), turn.progress)
-            log |= update_error(*turn.critic_errors(rollout, rl.value_scale(skill, config.value_scale)))
+            if own := rl.value_scale(skill, config.value_scale):
+                log |= update_error(*turn.critic_errors(rollout, own))
             turn.log(rollout, log)
 
 

@@ -8,9 +8,10 @@ from omegaconf import DictConfig
 
 from tstar_rl.config.build import environment, load_demonstrations
 from tstar_rl.config.load import recipe
+from tstar_rl.config.worlds import check_world
 from tstar_rl.runs.csv_tables import write_table
 from tstar_rl.runs.run_folder import run_path
-from tstar_rl.seeds import derive_seed
+from tstar_rl.seeds import evaluation_seed
 from tstar_rl.spirl import SpirlAgent
 from tstar_rl.spirl.figures import draw_latents, evenly_spread_rows, play_latents
 
@@ -19,15 +20,17 @@ from tstar_rl.spirl.figures import draw_latents, evenly_spread_rows, play_latent
 def main(config: DictConfig) -> None:
     """Plays the latents, writes the paths of the grip and draws them."""
     place = (config.task.name, config.system, config.seed, config.subtask)
-    agent = SpirlAgent.load(run_path(config.runs_dir, *place) / config.checkpoint, task=config.task.name)
+    results = run_path(config.results_dir, *place)
+    folder = run_path(config.runs_dir, *place) / config.checkpoint
+    check_world(config, folder, results)
+    agent = SpirlAgent.load(folder, task=config.task.name)
     agent.to(config.device)
     expert = load_demonstrations(config, config.subtask)
     rows = evenly_spread_rows(expert, config.states, agent.settings.horizon)
-    seed = derive_seed(config.seed, "evaluate", config.subtask)
+    seed = evaluation_seed(config.seed, "latents", config.subtask)
     torch.manual_seed(seed)
     env = environment(config, config.subtask, config.states * config.draws, seed)
     paths = play_latents(agent, env, expert, rows)
-    results = run_path(config.results_dir, *place)
     write_table(results / "latents.csv", paths)
     print(draw_latents(paths, results / "latents.png"))
 

@@ -39,12 +39,12 @@ def main(config: DictConfig) -> None:
         fresh = rl.run_trial(skills, rl.trial_env(config, chain.trial_episodes, "validate"))
     steps, seed, shares = heard.steps() if heard else 0, rl.derive_seed(config.seed, "harvest"), []
     for index, skill in enumerate(skills[1:], start=1):
-        log, logit = {}, None
+        log, logit = {"trial_steps": fresh.steps() if index == 1 else 0} if fresh else {}, None
         if heard and fresh and len(starts := heard.skills[index].starts):
-            log = rl.learn_outcomes(skill, starts, heard.skills[index].succeeded, learning, seed)
+            log |= rl.learn_outcomes(skill, starts, heard.skills[index].succeeded, learning, seed)
             logit = skill.network("feasibility")(starts)
             judged, curve = rl.judge_outcomes(skill, fresh.skills[index])
-            log |= judged | {"trial_steps": fresh.steps() if index == 1 else 0}
+            log |= judged
             if curve is not None:
                 run.calibration.extend(rl.calibration_rows(steps, index - 1, "feasibility", curve))
         shares.append(recovery.share_of(logit))

@@ -27,6 +27,7 @@ EVALUATIONS = (
     "exchange",
     "ways_home",
     "moved_parts",
+    "latents",
 )
 """What is evaluated, each with seeds of its own: the modes of `rollouts.episodes`, then what single recipes measure."""
 

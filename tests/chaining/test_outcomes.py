@@ -122,14 +122,14 @@ def test_errors_of_a_critic_are_those_of_first_steps():
 
 def test_the_value_that_counts_as_one(skills):
     skill = skills[1]
-    assert value_scale(skill, 7.0) == 7.0 and value_scale(skill) == 1.0  # no states yet
+    assert value_scale(skill, 7.0) == 7.0 and value_scale(skill) is None  # no states yet
     skill.value = Doubled()  # pyright: ignore[reportAttributeAccessIssue]
     states = torch.zeros(2, 72)
     skill.initiation_set.extend(TensorDict({"observation": states + 3.0}, [2]))
     assert value_scale(skill) == pytest.approx(6.0)
     assert StateValue(skill)(states + 1.0)[0, 0] == 2.0
     skill.initiation_set.extend(TensorDict({"observation": states - 5.0}, [2]))
-    assert value_scale(skill) == 1.0  # a mean that is not positive is no unit
+    assert value_scale(skill) is None  # a mean that is not positive is no unit
 
 
 def test_sets_and_a_standardised_network_come_back(tmp_path):

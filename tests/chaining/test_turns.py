@@ -251,3 +251,21 @@ def test_a_signal_that_reads_a_network_which_nothing_trains_is_told(point_chain,
     told = "1/d_omgea: this network was asked for as a signal, and no turn that was kept has trained it: the chain has "
     told += "learned nothing from what it paid"
     assert told in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("recipe", "values"),
+    [("proximity", ("chain.path_steps=8",)), ("feasibility", ("chain.kept_states=chained",))],
+)
+def test_a_signal_that_no_trial_has_taught_is_told(point_chain, capsys, recipe, values):
+    """P learns from trials alone, F from the next skill's turns too, of which there is none before."""
+    untried = (
+        "chain.links=2",
+        "chain.rounds=1",
+        "chain.gate=false",
+        "chain.trial_every=100",
+        "chain.seed_episodes=0",
+    )
+    logged = point_chain(recipe, *SHORT, *untried, *values)
+    assert f"reward_{recipe}" not in logged or logged[f"reward_{recipe}"].isna().all()
+    assert f"1/{recipe}: this network was asked for as a signal" in capsys.readouterr().out

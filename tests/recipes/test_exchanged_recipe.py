@@ -4,13 +4,17 @@ import runpy
 from pathlib import Path
 
 import pandas as pd
+import pytest
 from hydra import compose, initialize_config_dir
+from omegaconf import OmegaConf
 from point_chain import PointChain, make_skills
 
 from tstar_rl.chaining.chain import save_chain
 from tstar_rl.chaining.skill import Skill
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.values import CONFIGS
 from tstar_rl.env import furniture_env
+from tstar_rl.runs.run_config import write_config
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -45,3 +49,30 @@ def test_a_chain_that_was_mended_by_its_first_skill(tmp_path, monkeypatch):
     for versions, row in first.iterrows():  # the plain chain's skills are those before
         assert two[two.subtask == 1].loc[versions, "taken"] == row.taken
     assert (tmp_path / "results/table_lack/exchanged.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        (
+            ("from_checkpoint=best",),
+            "must be null, got best: the training of tstar noted that it began from last",
+        ),
+        (
+            ("from_checkpoint=best", "against=plain"),
+            "is of the skills that a chain began with, and against=plain",
+        ),
+    ],
+)
+def test_other_skills_than_the_chain_began_with_are_refused(tmp_path, monkeypatch, values, message):
+    make_skills(tmp_path)
+    monkeypatch.setattr(furniture_env, "FurnitureEnv", PointChain)
+    skills = [Skill.load(tmp_path / f"runs/table_lack/gail_ppo/seed0/subtask{i}/last") for i in range(4)]
+    save_chain(skills, tmp_path / "runs/table_lack/tstar/seed0/last")
+    places = [f"{place}_dir={tmp_path / place}" for place in ("results", "runs")]
+    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
+        config = compose("recipe/exchanged", [*places, "system=tstar", *values])
+        trained = compose("recipe/tstar", places)
+    write_config(tmp_path / "results/table_lack/tstar/seed0", OmegaConf.to_container(trained, resolve=True))
+    with pytest.raises(InvalidValueError, match=message):
+        runpy.run_path(str(ROOT / "recipes/exchanged.py"))["main"].__wrapped__(config)

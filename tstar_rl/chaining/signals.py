@@ -59,17 +59,17 @@ class StateValue(nn.Module):
 
 
 @torch.no_grad()
-def value_scale(skill: Skill, fixed: float | None = None) -> float:
+def value_scale(skill: Skill, fixed: float | None = None) -> float | None:
     """The value that counts as 1: `fixed`, or the critic's mean over the states from which the skill has succeeded.
 
-    It is 1 while there are no such states, or where their mean is not positive.
+    None while there are no such states, or where their mean is not positive: then the critic has no unit.
     """
     if fixed is not None:
         return fixed
     if not len(skill.initiation_set):
-        return 1.0
+        return None
     mean = float(StateValue(skill)(skill.initiation_set.observations()).mean())
-    return mean if mean > 0 else 1.0
+    return mean if mean > 0 else None
 
 
 def outcomes_of(

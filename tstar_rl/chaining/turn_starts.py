@@ -1,7 +1,6 @@
 """What a turn can do about its starts: clone the expert where the skill before ends, or draw hard ones more often."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import torch
 from torch import Tensor
@@ -24,7 +23,6 @@ class TurnStarts(TurnUpdates):
         They are made now, and stand in the place of as many of the skill's own; the normaliser is fitted to both. Where
         the skill has ended so far is forgotten: its old clone was there, and the next skill is to begin where this one
         ends. Nothing is cloned before the first skill, with a share of 0, or while the skill before has not succeeded.
-        The normaliser does not run on in this turn (normalizer.running): it would change a clone that nothing trains.
 
         Args:
             share: in [0, 1], of the episodes.
@@ -39,7 +37,6 @@ class TurnStarts(TurnUpdates):
         """
         if not 0.0 <= share <= 1.0:
             raise InvalidValueError(f"the share of demonstrations from ends must be in [0, 1], got {share}")
-        self.settings = replace(self.settings, running_normalizer=False)
         if not share:
             return
         self._check_that_it_is_the_only_turn()

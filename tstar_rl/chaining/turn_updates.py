@@ -76,6 +76,8 @@ class TurnUpdates(Training):
         self, name: str, skill: Skill, distance: Distance, settings: LabelledSettings
     ) -> LabelledUpdate:
         """See `Training`; where a chain carries over, that of the skill's last turn goes on."""
+        if skill is self.following:  # what pays this turn
+            self.chain.asked.add(f"{skill.subtask}/{name}")
         known = self._known(name, skill)
         return self._teach(name, skill, known or super().labelled_update(name, skill, distance, settings))
 

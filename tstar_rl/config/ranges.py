@@ -118,7 +118,7 @@ def check_ranges_of(values: Mapping[str, Any]) -> None:
         if find(values, name) in ([], {}):
             raise ConfigError(f"{name} must name at least one, got none: there would be nothing to do")
     for name, valid in CHOICES.items():
-        if (value := find(values, name)) not in valid and _has(values, name):
+        if (value := find(values, name)) is not None and value not in valid:
             said = ", ".join("null" if one is None else one for one in valid)
             raise ConfigError(f"{name} must be one of {said}; got {value!r}")
     for name, choices in CHOICES_OF_LISTS.items():

@@ -1,6 +1,7 @@
-"""Values that a recipe would leave unread, and that its config.yaml would say all the same: they are refused.
+"""Values that ask a recipe for what it would not do, and that its config.yaml would say all the same: refused.
 
-This imports no torch, so that such a mistake is told at once.
+Sections that several recipes share may have values that one of them does not read (training.total_steps in a chain's
+fine-tuning, whose steps are those of chain.*). This imports no torch, so that such a mistake is told at once.
 """
 
 from collections.abc import Mapping
@@ -43,12 +44,16 @@ STEPS = (
 """Our recipes that start no other."""
 OURS = (*STEPS, *WHOLE, "bench", "bench_growth")
 """All recipes of the library: whose own keys `ranges` and this module know."""
+IN_ORDER = ("in_order", "in_order_cloned")
+"""Recipes that clone a skill's demonstrations when its turn comes."""
 LEARN_FROM_KEPT = ("feasibility", "hand_over_value", "scar_like", "tstar")
 """Recipes whose signal learns from the rows that chain.kept_states keeps."""
 LEARN_FROM_PATHS = ("proximity", "refitted")
 """Recipes that read the states on the way, of which chain.path_steps keeps the last."""
 PAPERS = {"score": "terminal", "baseline": "none"}
 """Of terminal_reward: the paper's, which every scale has."""
+MOMENTUM = 0.01
+"""The same, of terminal_reward."""
 CHAINED = "chain.links takes the first skills of a chain"
 SEVERAL = {
     "hand_over": "measures several at once, systems=[{}]",
@@ -147,7 +152,14 @@ def _check_rewards(values: Mapping[str, Any], name: str) -> None:
             f"bonus is paid by reward.weights.tsr, which must not be 0 then; got bonus={values['bonus']}"
         )
     given = {key: reward[key] for key, papers in PAPERS.items() if reward.get(key, papers) != papers}
-    if name in ("policy_sequencing", "proximity", "in_order", "in_order_cloned") and given:
+    if reward.get("baseline", PAPERS["baseline"]) == "none" and reward.get("momentum", MOMENTUM) != MOMENTUM:
+        given["momentum"] = reward["momentum"]
+    if name in ("tstar", "scar_like", "feasibility", "hand_over_value") and "momentum" in given:
+        raise ConfigError(
+            "terminal_reward.momentum is of terminal_reward.baseline=running_mean, and that is none; got "
+            f"{given['momentum']}"
+        )
+    if name in ("policy_sequencing", "proximity", *IN_ORDER) and given:
         said = ", ".join(f"terminal_reward.{key}={value}" for key, value in given.items())
         raise ConfigError(
             f"{name} does not read terminal_reward, got {said}; tstar, scar_like, feasibility and hand_over_value do"
@@ -183,6 +195,11 @@ def _check_chain(values: Mapping[str, Any], name: str) -> None:
         raise ConfigError(
             f"skills must be clones, bc or bc_<...>, got {values['skills']}: what demonstrated_ends makes anew is "
             "cloned over a skill, and the normaliser of its networks is fitted again; or set demonstrated_ends=0"
+        )
+    if name in IN_ORDER and values["normalizer"]["running"]:
+        raise ConfigError(
+            f"normalizer.running must be false for {name}, got true: a skill's normaliser is fitted to the "
+            "demonstrations that it is cloned from, and stays"
         )
     again = {"gate": chain["gate"], "rounds": chain["rounds"] > 1, "order": chain["order"] != "forward"}
     if values.get("demonstrated_ends") and any(again.values()):

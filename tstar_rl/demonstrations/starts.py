@@ -17,7 +17,8 @@ class DemonstrationStarts:
 
     Args:
         demonstrations: whose snapshots are drawn.
-        limit: of an episode's steps, with those that the demonstration had made; states from beyond it are not drawn.
+        limit: of an episode's steps, with those that the demonstration had made; where `steps` is None
+            states from beyond it are not drawn.
         steps: that an episode from there has, whatever the demonstration had made; None: those that the limit leaves.
 
     Raises:
