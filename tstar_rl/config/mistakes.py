@@ -10,7 +10,12 @@ from typing import Any
 from hydra import compose, initialize_config_dir
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.errors import CompactHydraException, MissingConfigException, OverrideParseException
+from hydra.errors import (
+    CompactHydraException,
+    HydraException,
+    MissingConfigException,
+    OverrideParseException,
+)
 from omegaconf import DictConfig, OmegaConf, open_dict
 from omegaconf.errors import OmegaConfBaseException
 
@@ -90,7 +95,7 @@ def _unknown_key(key: str, configs: Path, name: str, check: Check, given: Sequen
     try:
         begun = GlobalHydra.instance().is_initialized()  # by a recipe that composes the config of a step
         with nullcontext() if begun else initialize_config_dir(str(configs), version_base="1.3"):
-            config = compose(f"recipe/{name}")
+            config = _beside(key, name, given)
         section, _, last = key.rpartition(".")
         there = OmegaConf.select(config, section) if section else config
         near = did_you_mean(last, [*there]) if isinstance(there, DictConfig) else ""
@@ -105,6 +110,14 @@ def _unknown_key(key: str, configs: Path, name: str, check: Check, given: Sequen
     except (OmegaConfBaseException, TypeError) as error:  # the key goes through something that is no section
         return f"the config of {name} has no {key}: {' '.join(str(error).split())}"
     return f"{key} is valid, but not set in the configs of {name}: write +{key}=...{near}"
+
+
+def _beside(key: str, name: str, given: Sequence[str]) -> DictConfig:
+    """The recipe's config with the other values that are given, or without where these are mistakes too."""
+    try:
+        return compose(f"recipe/{name}", [text for text in given if not text.startswith(f"{key}=")])
+    except HydraException:
+        return compose(f"recipe/{name}")
 
 
 def _given(key: str, given: Sequence[str]) -> Any:
