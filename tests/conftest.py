@@ -1,13 +1,17 @@
 """An environment of torch alone with the keys of `FurnitureEnv`, for tests of the learning side."""
 
+import copy
 import sys
 from pathlib import Path
 
 import pytest
 import torch
+from omegaconf import OmegaConf
 from tensordict import TensorDict
 from torchrl.data import Bounded, Categorical, Composite, Unbounded
 from torchrl.envs import EnvBase
+
+from tstar_rl.config.values import CONFIGS
 
 pytest_plugins = [
     "recipe_runs",
@@ -35,6 +39,23 @@ def refuse_files_of_the_user(event: str, arguments: tuple) -> None:
 
 
 sys.addaudithook(refuse_files_of_the_user)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def configs_are_parsed_once():
+    """Composing a config takes a third of its time to parse the same files anew, and tests compose hundreds."""
+    load, parsed = OmegaConf.load, {}
+
+    def once(file):
+        name = str(getattr(file, "name", file))
+        if not name.startswith(f"{CONFIGS}/"):
+            return load(file)
+        parsed[name] = parsed.get(name) or load(file)
+        return copy.deepcopy(parsed[name])
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(OmegaConf, "load", staticmethod(once))
+        yield
 
 
 def pytest_collection_modifyitems(items) -> None:
