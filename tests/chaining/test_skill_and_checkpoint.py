@@ -9,7 +9,7 @@ from tensordict import TensorDict
 from torchrl.envs import ExplorationType, set_exploration_type
 
 from tstar_rl.chaining.chain import ChainPolicy, chain_folders, load_chain, save_chain
-from tstar_rl.chaining.skill import NetworkSettings, Skill
+from tstar_rl.chaining.skill import NetworkSettings, Skill, generators_stay
 from tstar_rl.checks import InvalidValueError, MissingFileError
 from tstar_rl.config.build import load_skill
 from tstar_rl.runs import checkpoint
@@ -227,3 +227,16 @@ def test_a_chain_policy_is_made_of_skills_and_acts_on_its_own_piece():
     )
     with pytest.raises(ValueError, match="of table_lack, whose observations have 72 numbers; got 58"):
         policy(state)
+
+
+@pytest.mark.parametrize("device", ["cpu", pytest.param("cuda", marks=pytest.mark.gpu)])
+def test_what_is_drawn_on_a_device_leaves_its_generator_as_it_was(device):
+    torch.manual_seed(0)
+    first = torch.rand(3, device=device)
+    with generators_stay(torch.device(device)):
+        torch.manual_seed(7)
+        torch.rand(3, device=device)
+    second = torch.rand(3, device=device)
+    torch.manual_seed(0)
+    drawn = [torch.rand(3, device=device) for _ in range(2)]
+    assert torch.equal(first, drawn[0]) and torch.equal(second, drawn[1])

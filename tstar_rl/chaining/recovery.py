@@ -15,7 +15,7 @@ from torch import Tensor, nn
 from tstar_rl.chaining.calibration import Reliability
 from tstar_rl.chaining.chain import ChainPolicy
 from tstar_rl.chaining.signals import judge
-from tstar_rl.chaining.skill import Skill
+from tstar_rl.chaining.skill import Skill, generators_stay
 from tstar_rl.chaining.trials import SkillTrial
 from tstar_rl.checks import InvalidValueError, check_ranges
 from tstar_rl.signal_equations import feasibility, outcome_loss
@@ -90,7 +90,7 @@ def learn_outcomes(
         settings: how it learns.
         seed: of its first weights, minibatches and noise.
     """
-    with torch.random.fork_rng(devices=[]):
+    with generators_stay(skill.initiation_set.device):
         torch.manual_seed(seed)
         network = skill.network(FEASIBILITY, settings.floor)
     return LabelledUpdate(FEASIBILITY, network, outcome_loss, settings, seed)(starts, succeeded)

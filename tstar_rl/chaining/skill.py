@@ -1,6 +1,8 @@
 """One link of the chain: the networks and the state sets of one subtask."""
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -19,11 +21,18 @@ from tstar_rl.rollouts.state_sets import InitiationSet, StateSet, TerminationSet
 from tstar_rl.runs import checkpoint
 from tstar_rl.runs.saved_kinds import ONE_SKILL, kind_of
 
-__all__ = ["NetworkSettings", "Skill"]
+__all__ = ["NetworkSettings", "Skill", "generators_stay"]
 
 ACTIVATIONS = {"relu": nn.ReLU, "tanh": nn.Tanh}
 APPROACH = 16
 """Approaching states kept for each start: an episode has many states and one end."""
+
+
+@contextmanager
+def generators_stay(device: torch.device) -> Iterator[None]:
+    """Leaves torch's global generators, that of the CPU and that of a GPU, as they were before the block."""
+    with torch.random.fork_rng(devices=[device] if device.type == "cuda" else []):
+        yield
 
 
 @dataclass(frozen=True)
@@ -139,7 +148,7 @@ class Skill:
         if name in ("policy", "value", "return_scale", "sets"):
             raise InvalidValueError(f"every skill has its own {name}: give the further network another name")
         if name not in self.networks:
-            with torch.random.fork_rng(devices=[]):
+            with generators_stay(self.initiation_set.device):
                 self.networks[name] = self._make_network(floor).to(self.initiation_set.device)
         found = self.networks[name]
         has = float(found.normalizer.floor) if isinstance(found.normalizer, Standardizer) else None

@@ -17,7 +17,7 @@ import torch
 from tensordict import TensorDictBase
 from torch import Tensor
 
-from tstar_rl.chaining.skill import Skill
+from tstar_rl.chaining.skill import Skill, generators_stay
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.demonstrations.data_set import Demonstrations
 from tstar_rl.models.exploration import Exploration
@@ -140,7 +140,7 @@ class Training:
             )
         if (known := self._carried(name)) is not None:
             return known
-        with torch.random.fork_rng(devices=[]):
+        with generators_stay(self.skill.initiation_set.device):
             made = make()
         if not all(callable(getattr(made, method, None)) for method in ("state_dict", "load_state_dict")):
             raise InvalidValueError(
