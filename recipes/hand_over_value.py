@@ -32,6 +32,10 @@ def main(config: DictConfig) -> None:
         update_f_phi = turn.discriminator_update("f_phi", skill, f_phi, expert=1.0, agent=-1.0)
         update_error = turn.labelled_update("value_error", skill, rl.squared_error_loss, learning)
         scale = rl.value_scale(following, config.value_scale) if following else None
+        if following and not scale:
+            print(
+                f"skill {following.subtask}: its critic has no unit yet, so skill {skill.subtask} is paid nothing"
+            )
         if following and scale:
             error = turn.learned("value_error", following)
             signal = rl.HandOverValueReward(

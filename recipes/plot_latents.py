@@ -6,6 +6,7 @@ python recipes/plot_latents.py task=table_lack subtask=0 seed=0
 import torch
 from omegaconf import DictConfig
 
+from tstar_rl.analysis import save_figure
 from tstar_rl.config.build import environment, load_demonstrations
 from tstar_rl.config.load import recipe
 from tstar_rl.config.worlds import check_world
@@ -13,7 +14,7 @@ from tstar_rl.runs.csv_tables import write_table
 from tstar_rl.runs.run_folder import run_path
 from tstar_rl.seeds import evaluation_seed
 from tstar_rl.spirl import SpirlAgent
-from tstar_rl.spirl.figures import draw_latents, evenly_spread_rows, play_latents
+from tstar_rl.spirl.figures import evenly_spread_rows, latents_figure, play_latents
 
 
 @recipe("plot_latents", checkpoint=str, states=int, draws=int)
@@ -32,7 +33,7 @@ def main(config: DictConfig) -> None:
     env = environment(config, config.subtask, config.states * config.draws, seed)
     paths = play_latents(agent, env, expert, rows)
     write_table(results / "latents.csv", paths)
-    print(draw_latents(paths, results / "latents.png"))
+    print(save_figure(latents_figure(paths), results / "latents.png", dpi=100))
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ WORLD, LEARNING, RECIPES = ROOT / "envs" / "tstar_envs", ROOT / "tstar_rl", ROOT
 
 # Inside the world a module imports from its own layer or from one above it in this list.
 LAYERS = (
-    ("checks", "geometry", "furniture", "settings"),
+    ("checks", "whole_file", "geometry", "furniture", "settings"),
     ("robots",),
     ("scene", "rendering"),
     ("look", "player"),

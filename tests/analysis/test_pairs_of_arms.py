@@ -78,6 +78,23 @@ def test_a_pair_on_the_page(two_arms):
     assert whole.startswith("+0.300 [")  # .9 and .7; .6 and .4
 
 
+@pytest.mark.parametrize("table", [seams, readings])
+def test_an_arm_that_is_not_there_is_named(table, two_arms):
+    asked = (
+        read_experiment(two_arms),
+        {"systems": {}},
+        Entry(two_arms, "experiment"),
+        "table",
+        ["tstar", "bufer"],
+    )
+    with pytest.raises(InvalidValueError, match="table has no arm bufer; it has buffer, tstar"):
+        table(*asked)
+
+
+def test_of_an_arm_with_two_signals_neither_is_called_what_pays():
+    assert signal_by_seam(turns().assign(mine_auc=0.9, mine_sd=0.1), "table", "tstar").empty
+
+
 @pytest.mark.parametrize("named", [["tstar"], ["tstar", "buffer", "gaussian"], []])
 @pytest.mark.parametrize("table", [seams, readings])
 def test_a_pair_is_two_arms(table, named, two_arms):

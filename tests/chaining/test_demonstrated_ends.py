@@ -157,6 +157,11 @@ def test_a_gate_does_not_go_with_clones_made_in_a_turn(asked_by_ones_own):
         asked_by_ones_own("in_order", "chain.gate=true", "chain.trial_episodes=4")
 
 
+def test_nor_does_a_normaliser_that_runs_on(asked_by_ones_own):
+    with pytest.raises(ValueError, match=r"set normalizer\.running=false"):
+        asked_by_ones_own("in_order", "normalizer.running=true")
+
+
 @pytest.mark.parametrize(
     "values",
     [("chain.rounds=2",), ("chain.order=costliest", "chain.trial_every=1", "chain.trial_episodes=4")],

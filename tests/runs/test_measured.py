@@ -71,6 +71,18 @@ def test_chains_of_these_skills_under_another_name_go_too(tmp_path):
     assert [file.parts[-3] for file in tmp_path.rglob("moved_parts.csv")] == ["no_finetuning_theirs"]
 
 
+def test_the_usual_chain_of_other_skills_stays_and_one_whose_config_is_damaged(tmp_path):
+    said = {"no_finetuning": "skills: bc\n", "no_finetuning_x": "", "a/no_finetuning_y": "skills: gail_ppo\n"}
+    for name, text in said.items():
+        folder = tmp_path / f"results/table/{name}/seed0"
+        folder.mkdir(parents=True)
+        (folder / "config.yaml").write_text(text)
+        (folder / "evaluation.csv").write_text("progress\n1\n")
+    a_run(tmp_path, subtask=2, system="gail_ppo", skills="gail_ppo", resume=False).start()
+    kept = sorted(file.parents[1].name for file in tmp_path.rglob("evaluation.csv"))
+    assert kept == ["no_finetuning", "no_finetuning_x"]
+
+
 def test_a_table_that_a_run_beside_has_just_deleted_is_no_error(tmp_path):
     _drop(tmp_path / "seams.csv", {"chain"}, 0)
     assert not (tmp_path / "seams.csv").exists()

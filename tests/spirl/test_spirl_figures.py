@@ -12,10 +12,11 @@ from spirl_agent import make_agent
 from torch.testing import assert_close
 
 from tstar_rl import FurnitureEnv
+from tstar_rl.analysis import save_figure
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.demonstrations.data_set import Demonstrations
 from tstar_rl.rollouts.collection import with_starts
-from tstar_rl.spirl.figures import draw_latents, evenly_spread_rows, latents_figure, play_latents
+from tstar_rl.spirl.figures import evenly_spread_rows, latents_figure, play_latents
 
 
 def demonstration(env: FurnitureEnv, steps: int) -> Demonstrations:
@@ -51,7 +52,9 @@ def test_latents_are_played_from_the_demonstrated_state_and_drawn(tmp_path):
     last = paths[paths.step == 4].set_index("latent")[["x", "y", "z"]]
     assert (last.loc[0] - last.loc[1]).abs().max() > 1e-5, "two draws do two things"
     width, height = latents_figure(paths).get_size_inches() * 100
-    picture = imageio.v3.imread(draw_latents(paths, tmp_path / "some" / "latents.png"))
+    picture = imageio.v3.imread(
+        save_figure(latents_figure(paths), tmp_path / "some" / "latents.png", dpi=100)
+    )
     assert picture.shape[:2] == (height, width) and picture.std() > 0
 
 

@@ -40,7 +40,7 @@ def compare_hand_overs(rows: pd.DataFrame, first: str, second: str) -> pd.DataFr
     """
     one, other = (success_at_hand_over(rows[rows["arm"] == arm]) for arm in (first, second))
     lines = {}
-    for subtask in one.columns[1:]:
+    for subtask in one.columns[1:].intersection(other.columns):
         both = pd.concat([one[subtask], other[subtask]], axis=1, keys=["first", "second"]).dropna()
         difference = (both["first"] - both["second"]).to_numpy()
         line = {"seeds": len(both), **both.mean().to_dict()}
@@ -61,13 +61,13 @@ def signal_by_seam(metrics: pd.DataFrame, task: str, arm: str) -> pd.DataFrame:
 
     Returns:
         Index subtask: that of the skill that takes over. Columns seeds, auc, auc_half (Student's) and spread; no rows
-        where it was not logged.
+        where it was not logged, or several signals were judged.
     """
     rows = tried_turns(metrics, task)
     rows = kept_turns(rows[rows["recipe"] == arm]) if len(rows) else rows
     told = [name for name in rows if str(name).endswith(AUC) and rows[name].notna().any()]
     lines = {}
-    if told:
+    if len(told) == 1:
         spread = f"{str(told[0]).removesuffix(AUC)}{SPREAD}"
         for skill, mine in rows[rows[told[0]].notna()].groupby("skill"):
             of_seeds = mine.groupby("seed")[[told[0], spread]].mean()

@@ -66,7 +66,8 @@ class ChainTraining:
         save: writes the chain under a name, at a number of steps.
         turn_order: says whose turn it is.
         learned: networks of scores that a turn has trained and that were not put back, as "<index>/<name>".
-        asked: those that a turn has asked for as what pays, once they have learned.
+        asked: those that a turn has asked for as what pays, once they have learned, or was to teach beside its own
+            skill's.
         seeding_steps: environment steps of the episodes before the first turn, which the first turn's row counts.
     """
 

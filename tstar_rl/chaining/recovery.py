@@ -15,9 +15,10 @@ from torch import Tensor, nn
 from tstar_rl.chaining.calibration import Reliability
 from tstar_rl.chaining.chain import ChainPolicy
 from tstar_rl.chaining.signals import judge
-from tstar_rl.chaining.skill import Skill, generators_stay
+from tstar_rl.chaining.skill import Skill
 from tstar_rl.chaining.trials import SkillTrial
 from tstar_rl.checks import InvalidValueError, check_ranges
+from tstar_rl.models.draws import generators_stay
 from tstar_rl.signal_equations import feasibility, outcome_loss
 from tstar_rl.transforms import FeasibilityReward
 from tstar_rl.updates import LabelledSettings, LabelledUpdate

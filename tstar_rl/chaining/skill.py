@@ -1,8 +1,6 @@
 """One link of the chain: the networks and the state sets of one subtask."""
 
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -12,6 +10,7 @@ from torch import nn
 
 from tstar_rl.checks import InvalidValueError, check_choices, check_ranges, check_sizes
 from tstar_rl.env.layout import observation_size
+from tstar_rl.models.draws import generators_stay
 from tstar_rl.models.networks import Discriminator, make_discriminator, make_policy, make_value
 from tstar_rl.models.normalizer import Normalizer, Standardizer
 from tstar_rl.models.relative_features import RelativeFeatures
@@ -21,18 +20,11 @@ from tstar_rl.rollouts.state_sets import InitiationSet, StateSet, TerminationSet
 from tstar_rl.runs import checkpoint
 from tstar_rl.runs.saved_kinds import ONE_SKILL, kind_of
 
-__all__ = ["NetworkSettings", "Skill", "generators_stay"]
+__all__ = ["NetworkSettings", "Skill"]
 
 ACTIVATIONS = {"relu": nn.ReLU, "tanh": nn.Tanh}
 APPROACH = 16
 """Approaching states kept for each start: an episode has many states and one end."""
-
-
-@contextmanager
-def generators_stay(device: torch.device) -> Iterator[None]:
-    """Leaves torch's global generators, that of the CPU and that of a GPU, as they were before the block."""
-    with torch.random.fork_rng(devices=[device] if device.type == "cuda" else []):
-        yield
 
 
 @dataclass(frozen=True)

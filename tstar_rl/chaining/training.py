@@ -17,9 +17,10 @@ import torch
 from tensordict import TensorDictBase
 from torch import Tensor
 
-from tstar_rl.chaining.skill import Skill, generators_stay
+from tstar_rl.chaining.skill import Skill
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.demonstrations.data_set import Demonstrations
+from tstar_rl.models.draws import generators_stay
 from tstar_rl.models.exploration import Exploration
 from tstar_rl.rollouts.collection import Collection, rollout_metrics
 from tstar_rl.rollouts.ray_collection import RayCollection

@@ -31,7 +31,7 @@ class SkillTrial:
         succeeded: (n,) bool.
         ends: batch [number of successes], "observation" and "snapshot" of the states in which it succeeded.
         over: (number of successes,) bool, whether the episode ended in that step, at its time limit or as the task was
-            done: such a state is handed to nobody.
+            done: such a state is handed to nobody, though it is one in which the skill ends.
         simulations: (n,) int64, in which simulation each start was.
         path: the last states of its episodes; none where a trial keeps no paths.
         steps: environment steps of these episodes.

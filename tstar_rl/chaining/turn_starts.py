@@ -29,8 +29,8 @@ class TurnStarts(TurnUpdates):
             cloning: how.
 
         Raises:
-            InvalidValueError: for another share. For one that is not 0: if a gate judges the turn, or if a skill can
-                have more turns than one.
+            InvalidValueError: for another share. For one that is not 0: if a gate judges the turn, if a skill can have
+                more turns than one, or if its normaliser runs on, which would change what is cloned.
             DemonstrationError: if the expert fails too often from there.
 
         Source: Ross et al. 2011, DAgger: demonstrations from the states that the learner gets into.
@@ -55,6 +55,10 @@ class TurnStarts(TurnUpdates):
     def _check_that_it_is_the_only_turn(self) -> None:
         """Raises InvalidValueError where a clone could be put back, or would go over what a turn has learned."""
         settings = self.chain.settings
+        if self.settings.running_normalizer:
+            raise InvalidValueError(
+                "a normaliser that runs on changes a clone that was fitted through it: set normalizer.running=false"
+            )
         if self.chain.gate.settings.rejects:
             raise InvalidValueError("a gate does not put back what is cloned in a turn: set chain.gate=false")
         if settings.rounds > 1 or settings.order != "forward":

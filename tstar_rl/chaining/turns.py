@@ -169,8 +169,8 @@ def chain_turns(chain: ChainTraining, **record: Any) -> Iterator[Turn]:
     chain.close()
     for place in sorted(chain.asked - chain.learned):
         print(
-            f"{place}: this network was asked for as a signal, and no turn that was kept has trained it: the chain has "
-            "learned nothing from what it paid"
+            f"{place}: this network was to be taught as a signal, and no turn that was kept has taught it: nothing was "
+            "learned from what it said"
         )
     save("last", run.env_steps)
     run.finish()

@@ -43,13 +43,16 @@ def chain_turns(config: DictConfig, experts: Sequence[Demonstrations] | None = N
 
     Raises:
         CheckpointMismatchError: see `load_skills`.
-        InvalidValueError: if the recipe does not declare from_checkpoint, or experts are not as many as the skills.
+        InvalidValueError: if the recipe does not declare from_checkpoint or it is null, or experts are not as many as
+            the skills.
     """
     if "from_checkpoint" not in config:
         raise InvalidValueError(
             "a recipe of a chain says which checkpoint of the skills it begins with: @rl.recipe(..., from_checkpoint="
             "str), and from_checkpoint: last in its file"
         )
+    if config.from_checkpoint is None:
+        raise InvalidValueError("from_checkpoint must be one of last, best; got None")
     skills = load_skills(config, checkpoint=config.from_checkpoint)
     if experts is None:
         experts = [load_demonstrations(config, index) for index in range(len(skills))]

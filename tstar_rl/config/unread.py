@@ -53,7 +53,7 @@ LEARN_FROM_PATHS = ("proximity", "refitted")
 PAPERS = {"score": "terminal", "baseline": "none"}
 """Of terminal_reward: the paper's, which every scale has."""
 MOMENTUM = 0.01
-"""The same, of terminal_reward."""
+"""terminal_reward.momentum where it is not set: the default of `TerminalStateReward`."""
 CHAINED = "chain.links takes the first skills of a chain"
 SEVERAL = {
     "hand_over": "measures several at once, systems=[{}]",
@@ -82,8 +82,8 @@ def check_what_is_not_read(values: Mapping[str, Any], name: str) -> None:
     trains = name in ONE_POLICY or (chains and name != "exchanged")  # which runs two chains as they are
     if trains and is_untrained(values["system"]):
         raise ConfigError(
-            f"system must not begin with {UNTRAINED}, which means skills chained as they are: {name} makes others, and "
-            f"what evaluates them would not look at them; got system={values['system']}"
+            f"the last part of system must not begin with {UNTRAINED}, which means skills chained as they are: {name} "
+            f"makes others, and what evaluates them would not look at them; got system={values['system']}"
         )
     if name in WHOLE and values["system"] != name:
         raise ConfigError(

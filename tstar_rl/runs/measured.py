@@ -4,11 +4,12 @@ What measures: recipes evaluate, hand_over, hand_over_gap, exchanged, moved_part
 """
 
 from collections.abc import Collection
+from contextlib import suppress
 from pathlib import Path
 
 from tstar_rl.runs.csv_tables import read_table, write_table
 from tstar_rl.runs.files import turn_to_write
-from tstar_rl.runs.run_config import read_config
+from tstar_rl.runs.run_config import DamagedConfigError, read_config
 from tstar_rl.runs.run_folder import UNTRAINED
 
 __all__ = ["chains_of", "forget_measurements"]
@@ -19,16 +20,35 @@ OF_CHAINS = ("hand_over.csv", "hand_over_gap.csv", "seams.csv", "exchanged.csv",
 """Tables in the task's folder, with a row or some for each system and seed."""
 
 
-def chains_of(skills: str, task: Path, seed: int) -> dict[str, Path]:
+def chains_of(skills: str, task: Path, seed: int, usual: bool) -> dict[str, Path]:
     """Chains of these skills as they are, by their system: the folders of what was measured of them.
+
+    Whose skills a chain is made of its config.yaml says, which `evaluate.py` writes; one that was measured otherwise
+    alone is known only as the usual one.
 
     Args:
         skills: the system that the skills were trained by.
         task: the folder of results of their task.
         seed: of the skills.
+        usual: whether the chain that is called `UNTRAINED` is of these skills where it does not say.
     """
-    found = (folder for folder in task.glob(f"{UNTRAINED}*/seed{seed}") if folder.is_dir())
-    return {folder.parent.name: folder for folder in found if read_config(folder).get("skills") == skills}
+    found = {
+        folder.parent.relative_to(task).as_posix(): folder
+        for folder in task.glob(f"**/{UNTRAINED}*/seed{seed}")
+    }
+    if usual:
+        found[UNTRAINED] = task / UNTRAINED / f"seed{seed}"
+    unsaid = {UNTRAINED: skills} if usual else {}
+    return {
+        system: folder for system, folder in found.items() if _skills(folder, unsaid.get(system)) == skills
+    }
+
+
+def _skills(folder: Path, unsaid: str | None) -> str | None:
+    """Whose skills the config.yaml of an untrained chain says that it has; of one that is damaged nothing is known."""
+    with suppress(DamagedConfigError):
+        return read_config(folder).get("skills", unsaid)
+    return None
 
 
 def forget_measurements(runs: Collection[Path], task: Path, systems: Collection[str], seed: int) -> None:

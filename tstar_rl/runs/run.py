@@ -23,7 +23,7 @@ from tstar_rl.runs.files import put_back, replacing
 from tstar_rl.runs.measured import chains_of, forget_measurements
 from tstar_rl.runs.mismatch import MACHINE_ONLY, CheckpointMismatchError, as_begun, check_config
 from tstar_rl.runs.run_config import note_resumed, note_section, read_config, restore_config, write_config
-from tstar_rl.runs.run_folder import FINISHED, SAVED, UNTRAINED, run_path
+from tstar_rl.runs.run_folder import FINISHED, SAVED, run_path
 
 __all__ = ["Run"]
 
@@ -151,10 +151,7 @@ class Run:
         system, seed, chains = self.config["system"], self.config["seed"], {}
         task = Path(self.config["results_dir"]) / self.config["task"]["name"]
         if self.record["subtask"] is not None:
-            chains = chains_of(system, task, seed)
-            chains |= (
-                {UNTRAINED: task / UNTRAINED / f"seed{seed}"} if self.config.get("skills") == system else {}
-            )
+            chains = chains_of(system, task, seed, usual=self.config.get("skills") == system)
         forget_measurements([self.results, *chains.values()], task, {system, *chains}, seed)
 
     def _stop_if_done(self, changed: Sequence[str] = ()) -> None:

@@ -10,11 +10,11 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import torch
 from torch import Tensor, nn
 
 from tstar_rl.chaining.chain import ChainPolicy
 from tstar_rl.chaining.skill import NetworkSettings, Skill
+from tstar_rl.models.draws import generators_stay
 from tstar_rl.runs import checkpoint
 
 __all__ = ["ShippedChain", "load_shipped", "save_shipped"]
@@ -120,7 +120,7 @@ def load_shipped(path: str | Path, **expected: Any) -> ShippedChain:
         MissingFileError, DamagedCheckpointError, CheckpointMismatchError: see `checkpoint.load`.
     """
     record = checkpoint.read_record(path, **expected)
-    with torch.random.fork_rng(devices=[]):
+    with generators_stay():
         skills = [_build(record["task"], index, built) for index, built in enumerate(record["built"])]
     chain = ShippedChain(skills, record, record["signal"])
     checkpoint.load(path, {"chain": _Weights(chain)}, **expected)

@@ -1,6 +1,5 @@
 """What latents drawn from a prior do: they are played in the simulator from demonstrated states, and drawn."""
 
-from pathlib import Path
 from typing import Any
 
 import pandas as pd
@@ -17,7 +16,7 @@ from tstar_rl.spirl.agent import SpirlAgent
 from tstar_rl.spirl.latent_execution import LatentPolicy
 from tstar_rl.spirl.model import make_latent_actor
 
-__all__ = ["draw_latents", "evenly_spread_rows", "play_latents"]
+__all__ = ["evenly_spread_rows", "latents_figure", "play_latents"]
 
 AXES = ("x", "y", "z")
 DEMONSTRATION = -1
@@ -86,13 +85,6 @@ def play_latents(
 def _grip(tensordict: TensorDictBase) -> Tensor:
     """(N, 3), m, world."""
     return tensordict["observation"][:, GRIP_POSITION : GRIP_POSITION + 3].clone()
-
-
-def draw_latents(paths: pd.DataFrame, path: str | Path) -> Path:
-    """Draws `latents_figure` and writes it to `path`, a PNG."""
-    Path(path).parent.mkdir(parents=True, exist_ok=True)
-    latents_figure(paths).savefig(path, dpi=100)
-    return Path(path)
 
 
 def latents_figure(paths: pd.DataFrame) -> Figure:

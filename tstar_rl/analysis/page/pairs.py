@@ -30,9 +30,9 @@ def readings(experiment: Experiment, paper: Paper, entry: Entry, task: str, arms
         arms: the first and the second.
 
     Raises:
-        InvalidValueError: unless two arms are named.
+        InvalidValueError: unless two arms are named, which the task has.
     """
-    first, second = _two(arms)
+    first, second = _two(experiment, task, arms)
     lines = []
     for checkpoint in ("last", "best"):
         for mode, said in ACTIONS.items():
@@ -65,9 +65,9 @@ def seams(experiment: Experiment, paper: Paper, entry: Entry, task: str, arms: S
         arms: the first and the second.
 
     Raises:
-        InvalidValueError: unless two arms are named.
+        InvalidValueError: unless two arms are named, which the task has.
     """
-    first, second = _two(arms)
+    first, second = _two(experiment, task, arms)
     found = compare_hand_overs(experiment.chosen(task), first, second)
     told = signal_by_seam(read_metrics(experiment.root), task, first)
     lines = []
@@ -96,7 +96,10 @@ def _told(row: pd.Series | None) -> list[str]:
     return [f"{row['auc']:.2f}{half}", f"{row['spread']:.2f}"]
 
 
-def _two(arms: Sequence[str]) -> tuple[str, str]:
+def _two(experiment: Experiment, task: str, arms: Sequence[str]) -> tuple[str, str]:
     if len(arms) != 2:
         raise InvalidValueError(f"a pair of arms is two, got {', '.join(arms) or 'none'}")
+    there = experiment.chosen(task)["arm"].unique()
+    if unknown := sorted(set(arms) - set(there)):
+        raise InvalidValueError(f"{task} has no arm {', '.join(unknown)}; it has {', '.join(there)}")
     return arms[0], arms[1]

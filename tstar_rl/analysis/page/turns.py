@@ -17,7 +17,8 @@ RISE = "Progress of the chain in the trial after each turn. A thin line is a see
 SAID = """\
 Means over seeds. Progress is that of the chain that goes on, in the trials after its turns: of two arms with the same
 end, the one that rose earlier has more. AUC: how well the signal that paid a skill tells whether the next one then
-succeeded (.5: nothing), over the turns that were kept; spread: the deviation of its scores there. Steps of trials: in
+succeeded (.5: nothing), over the turns that were kept; spread: the deviation of its scores there; neither is shown of
+an arm with several signals. Steps of trials: in
 the runs published so far they are without the episodes of a chain before its first turn (chain.seed_episodes).
 """
 
