@@ -5,6 +5,9 @@ from pathlib import Path
 
 import pytest
 
+import tstar_envs
+import tstar_rl
+
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]
 HISTORY = ROOT / "CHANGELOG.md"  # names files as they were called at the time
@@ -96,3 +99,10 @@ def test_sections_of_the_task_that_the_code_names_exist():
 def test_no_two_decisions_have_one_number():
     numbers = [path.name[:4] for path in (ROOT / "docs" / "decisions").glob("*.md")]
     assert len(set(numbers)) == len(numbers) > 0
+
+
+def test_every_public_name_is_named():
+    """In the section of docs/library.md, and no other: a name of another module is written with it."""
+    section = (ROOT / "docs" / "library.md").read_text().split("## Public names")[1]
+    world = {f"tstar_envs.{name}" for name in tstar_envs.__all__}
+    assert set(re.findall(r"`([\w.]+)`", section)) == set(tstar_rl.__all__) | world

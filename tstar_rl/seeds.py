@@ -37,6 +37,9 @@ def derive_seed(seed: int, purpose: str, *index: int | None) -> int:
 
     Each purpose has seeds of its own. Within a purpose, the same index gives the same seed in every recipe. An index of
     None (the whole task) counts as 99. An index that is left out counts as 0, as long as there are two of them at most.
+
+    Raises:
+        ValueError: if there is no purpose of that name.
     """
     if purpose not in PURPOSES:
         raise ValueError(f"purpose must be one of {', '.join(PURPOSES)}; got {purpose!r}")

@@ -42,6 +42,7 @@ def load(
         ValueError: unknown furniture, subtask, device or simulator, or a setting or number that cannot be; the message
             says what is valid.
         TypeError: a keyword that is no setting.
+        ImportError: `warp` without the extra `gpu`.
     """
     chosen = TaskSettings.from_keywords("load", settings)
     return BatchedEnvironment(name, num_sims, subtask, nthread, seed, chosen, device, physics)

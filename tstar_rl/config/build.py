@@ -90,7 +90,11 @@ def environment(
 
 
 def new_skill(config: DictConfig, subtask: int | None) -> Skill:
-    """An untrained skill, its weights drawn with the run's seed."""
+    """An untrained skill, its weights drawn with the run's seed.
+
+    Raises:
+        InvalidValueError: for networks.features of the whole task.
+    """
     from tstar_rl.env.task_tables import observation_dim, subtask_geometry
 
     networks = settings(NetworkSettings, config.networks)
@@ -109,7 +113,11 @@ def new_skill(config: DictConfig, subtask: int | None) -> Skill:
 
 
 def new_spirl_agent(config: DictConfig, subtask: int | None) -> SpirlAgent:
-    """An untrained agent of SPiRL, its weights drawn with the run's seed."""
+    """An untrained agent of SPiRL, its weights drawn with the run's seed.
+
+    Raises:
+        InvalidValueError: for networks.features of the whole task.
+    """
     from tstar_rl.env.task_tables import observation_dim, subtask_geometry
 
     geometry = None

@@ -5,5 +5,6 @@ from typing import Literal
 __all__ = ["LABELS", "Label"]
 
 Label = Literal["success", "share"]
+"""What F learns of a start: whether the skill then succeeded, or the share of the rest of the chain that was done."""
 LABELS: tuple[Label, ...] = ("success", "share")
-"""What is known of a start: whether the skill then succeeded, and the share of the rest of the chain that was done."""
+"""All of them."""

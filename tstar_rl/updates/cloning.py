@@ -13,12 +13,20 @@ from tstar_rl.updates.minibatches import nearly_equal
 
 @dataclass(frozen=True)
 class BehaviourCloningSettings:
-    """Source: docs/task.md, "Training figures" (BC), for the defaults."""
+    """Source: docs/task.md, "Training figures" (BC), for the defaults.
+
+    Raises:
+        InvalidValueError: for a number out of its range.
+    """
 
     epochs: int = 1000
+    """Times that the demonstrations are gone through."""
     minibatch: int = 256
+    """Rows at most: an epoch is split into nearly equal parts."""
     learning_rate: float = 1e-4
+    """Of Adam."""
     cosine_decay: bool = False
+    """Whether the rate falls to nothing along half a cosine."""
 
     def __post_init__(self) -> None:
         check_ranges(self, count=("epochs", "minibatch"), positive=("learning_rate",))

@@ -13,23 +13,35 @@ COMPILE_MODES = ("default", "reduce-overhead", "max-autotune", "max-autotune-no-
 
 @dataclass(frozen=True)
 class PPOSettings:
-    """Source: the paper's appendix for the defaults; what it does not name is off."""
+    """Source: the paper's appendix for the defaults; what it does not name is off, but for `max_grad_norm`.
+
+    Raises:
+        InvalidValueError: for a number out of its range, or an unknown mode of `compile`.
+    """
 
     epochs: int = 10
+    """Times that each rollout is gone through."""
     minibatch: int = 128
     """Rows at most: a rollout is split into nearly equal parts."""
     learning_rate: float = 3e-4
+    """Of the actor."""
     critic_learning_rate: float | None = None
     """None: the actor's."""
     linear_decay: bool = True
     """Rates fall in a line, by the progress after a rollout: with n updates the first one has the share 1 - 1 / n, and
     the last one a rate of 0, so that it changes nothing."""
     clip_epsilon: float = 0.2
+    """How far from 1 the ratio of probabilities counts."""
     entropy_coeff: float = 0.003
+    """Weight of the entropy in the loss."""
     critic_coeff: float = 0.5
+    """Weight of the critic's squared error in the loss."""
     max_grad_norm: float = 0.5
+    """Of the gradient of actor and critic, each."""
     gamma: float = 0.99
+    """Discount."""
     gae_lambda: float = 0.95
+    """Of generalised advantages."""
     kl_stop: float = math.inf
     """The actor stands still for the rest of an update once the KL of a minibatch, see `estimated_kl`, exceeds this."""
     kl_target: float | None = None
