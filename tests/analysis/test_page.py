@@ -70,6 +70,8 @@ QUOTED = [
     "feasibility_costliest - buffer_costliest",
     "from_scratch: tstar - gaussian", "from_scratch: tstar - buffer_bonus", "from_scratch: floored - no_finetuning",
     "narrow_skills: floored - tstar", "narrow_skills: tstar - no_finetuning", "narrow_skills: gaussian - no_finetuning",
+    "narrow_skills: no_finetuning_jittered - no_finetuning", "narrow_skills: no_finetuning_jittered - floored",
+    "narrow_skills: refitted - no_finetuning",
     "narrow_skills: tstar - gaussian", "narrow_skills: buffer_costliest - tstar",
     "narrow_skills: tstar - buffer_bonus", "narrow_skills: buffer_bonus - buffer", "narrow_skills: buffer - gaussian",
     "shelf table_bjorkudden_0206: in_order_cloned - no_finetuning",
