@@ -42,7 +42,7 @@ def main(config: DictConfig) -> None:
     check_chain(config, config.system)
     after = chain_of(config, config.system)
     if config.against is None:
-        asked, config.from_checkpoint = config.from_checkpoint, config.from_checkpoint or "last"
+        asked = config.from_checkpoint
         config.skills, config.from_checkpoint = begun_with(run_folder(config, "results_dir"), config)
         if asked not in (None, config.from_checkpoint):
             raise InvalidValueError(

@@ -12,6 +12,8 @@ from tstar_rl.chaining.chain import load_chain
 from tstar_rl.chaining.chain_training import ChainTraining
 from tstar_rl.chaining.turns import Turn
 
+UNIT = "value_scale=1"
+"""The mean of an untrained critic is no unit."""
 TWO = ("chain.gate=false", "chain.links=2")
 SHORT = ("chain.gate=false", "chain.steps_per_turn=512", "chain.trial_every=100")
 """Turns of one rollout, and no trial."""
@@ -87,7 +89,7 @@ def errors_known(monkeypatch) -> list[bool]:
 
 def test_a_critics_error_is_learned_in_its_own_turn(point_chain, errors_known):
     """Forward, skill 0's first turn trusts skill 1's critic; its second one knows the error."""
-    table = point_chain("hand_over_value", *TWO, "chain.rounds=2", "chain.steps_per_turn=512")
+    table = point_chain("hand_over_value", *TWO, UNIT, "chain.rounds=2", "chain.steps_per_turn=512")
     assert table.value_error_loss.notna().all() and (table.value_error_states > 0).all()
     assert errors_known == [False, True]
 
@@ -100,6 +102,7 @@ def test_an_error_that_was_learned_from_no_state_is_not_known(point_chain, error
     )
     table = point_chain(
         "hand_over_value",
+        UNIT,
         *TWO,
         *values,
         "chain.rounds=2",
@@ -113,7 +116,7 @@ def test_an_error_that_was_learned_from_no_state_is_not_known(point_chain, error
 def test_an_error_that_a_rejected_turn_has_learned_is_not_known(point_chain, errors_known, margin, known):
     """Skill 1's turn comes first. Put back, it leaves a network that has learned nothing."""
     values = ("chain.links=2", "chain.order=backward", "chain.rounds=1", "chain.steps_per_turn=512")
-    table = point_chain("hand_over_value", *values, "chain.gate=true", f"chain.gate_margin={margin}")
+    table = point_chain("hand_over_value", *values, UNIT, "chain.gate=true", f"chain.gate_margin={margin}")
     assert table.accepted.dropna().tolist() == [int(known)] * 2
     assert errors_known == [known]
 

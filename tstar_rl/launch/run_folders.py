@@ -42,7 +42,7 @@ def begun_with(results: Path, config: DictConfig) -> tuple[str, str]:
 
     Without fine-tuning, or where nothing is noted, they are those that are asked for.
     """
-    found = {"skills": config.skills, "from_checkpoint": config.get("from_checkpoint", "last")}
+    found = {"skills": config.skills, "from_checkpoint": config.get("from_checkpoint") or "last"}
     noted = read_config(results)
     if not noted.get("evaluation_only"):
         found |= {name: noted[name] for name in found if name in noted}
