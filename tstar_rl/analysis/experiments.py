@@ -30,6 +30,7 @@ __all__ = [
     "Experiment",
     "arm_scores",
     "arm_table",
+    "check_arms",
     "compare_arms",
     "read_experiment",
 ]
@@ -109,6 +110,13 @@ def read_experiment(root: str | Path, one_commit: bool = False) -> Experiment:
     if one_commit:
         experiment.check_one_commit()
     return experiment
+
+
+def check_arms(task: str, asked: Iterable[str], there: Iterable[str]) -> None:
+    """Raises InvalidValueError for an arm that is asked for and that the task does not have."""
+    there = list(there)
+    if unknown := sorted(set(asked) - set(there)):
+        raise InvalidValueError(f"{task} has no arm {', '.join(unknown)}; it has {', '.join(there)}")
 
 
 def arm_scores(rows: pd.DataFrame) -> dict[str, dict[int, NDArray[np.floating]]]:

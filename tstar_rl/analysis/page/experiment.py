@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from tstar_rl.analysis.differences import holm, outer_ends
-from tstar_rl.analysis.experiments import Experiment, arm_table, compare_arms
+from tstar_rl.analysis.experiments import Experiment, arm_table, check_arms, compare_arms
 from tstar_rl.analysis.figures import arms_figure, differences_figure, save_figure
 from tstar_rl.analysis.gaps_of_runs import hand_over_gaps
 from tstar_rl.analysis.page.contents import Entry
@@ -24,7 +24,6 @@ from tstar_rl.analysis.page.markdown import (
     table,
 )
 from tstar_rl.analysis.questions import answer
-from tstar_rl.checks import InvalidValueError
 from tstar_rl.runs.run_folder import UNTRAINED
 
 __all__ = ["answers", "arms", "comparison_table", "comparisons", "draw_experiment", "short_table"]
@@ -121,11 +120,7 @@ def short_table(
         InvalidValueError: for an arm that the task does not have.
     """
     rows, gaps, lines = ordered(experiment, paper, task), hand_over_gaps(experiment, task), []
-    unknown = sorted(set(shown) - set(rows["arm"]))
-    if unknown:
-        raise InvalidValueError(
-            f"{task} has no arm {', '.join(unknown)}; it has {', '.join(rows['arm'].unique())}"
-        )
+    check_arms(task, shown, rows["arm"].unique())
     rows = rows[rows["arm"].isin(shown)] if shown else rows
     for arm, row in arm_table(rows).iterrows():
         mine = rows[rows["arm"] == arm]

@@ -3,11 +3,10 @@
 import math
 from collections.abc import Collection
 
-from tstar_rl.analysis.experiments import Experiment
+from tstar_rl.analysis.experiments import Experiment, check_arms
 from tstar_rl.analysis.goals import goal_levels
 from tstar_rl.analysis.page.contents import Entry
 from tstar_rl.analysis.page.markdown import NOTHING, Paper, arm_label, arm_order, millions, table
-from tstar_rl.checks import InvalidValueError
 
 __all__ = ["goal_table"]
 
@@ -23,8 +22,7 @@ def goal_table(
     if entry.goals is None:
         return ""
     wanted, found = entry.goals.levels(), goal_levels(experiment, entry.goals, task)
-    if unknown := sorted(set(shown) - set(found.index)):
-        raise InvalidValueError(f"{task} has no arm {', '.join(unknown)}; it has {', '.join(found.index)}")
+    check_arms(task, shown, found.index)
     found = found[found.index.isin(shown)] if shown else found
     named = {"progress": "progress", "success": "whole task", "sampled": "sampled actions: progress"}
     named |= {over: f"improvement over {arm_label(paper, over)}" for over in entry.goals.over}

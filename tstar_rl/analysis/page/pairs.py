@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from tstar_rl.analysis.differences import outer_ends, paired_difference
-from tstar_rl.analysis.experiments import SEED, Experiment
+from tstar_rl.analysis.experiments import SEED, Experiment, check_arms
 from tstar_rl.analysis.hand_overs import compare_hand_overs, signal_by_seam
 from tstar_rl.analysis.page.contents import Entry
 from tstar_rl.analysis.page.markdown import NOTHING, Paper, arm_label, table
@@ -99,7 +99,5 @@ def _told(row: pd.Series | None) -> list[str]:
 def _two(experiment: Experiment, task: str, arms: Sequence[str]) -> tuple[str, str]:
     if len(arms) != 2:
         raise InvalidValueError(f"a pair of arms is two, got {', '.join(arms) or 'none'}")
-    there = experiment.chosen(task)["arm"].unique()
-    if unknown := sorted(set(arms) - set(there)):
-        raise InvalidValueError(f"{task} has no arm {', '.join(unknown)}; it has {', '.join(there)}")
+    check_arms(task, arms, experiment.chosen(task)["arm"].unique())
     return arms[0], arms[1]
