@@ -58,3 +58,14 @@ def site_pose(world: BatchedEnvironment, name: str) -> tuple[Tensor, Tensor]:
         found.append((site.xpos.copy(), site.xmat.reshape(3, 3).copy()))
     position, matrix = (torch.from_numpy(np.stack(each)) for each in zip(*found, strict=True))
     return position, matrix
+
+
+IDLE = torch.tensor([0.0] * 7 + [-1.0, -1.0], dtype=torch.float64)
+
+
+def idle(world: BatchedEnvironment) -> Tensor:
+    return IDLE.repeat(world.num_sims, 1)
+
+
+def aligned(world: BatchedEnvironment) -> Tensor:
+    return world.task.scene(world.state).alignment.aligned

@@ -4,18 +4,12 @@ import pytest
 import torch
 from torch import Tensor
 from torch.testing import assert_close
-from worlds import make, part_pose, relative_poses, site_pose
+from worlds import idle, make, part_pose, relative_poses, site_pose
 
 from tstar_envs import geometry
 from tstar_envs.environment import BatchedEnvironment
 from tstar_envs.robots import sawyer
 from tstar_envs.tasks import assembly
-
-IDLE = torch.tensor([0.0] * 7 + [-1.0, -1.0], dtype=torch.float64)
-
-
-def idle(world: BatchedEnvironment) -> Tensor:
-    return IDLE.repeat(world.num_sims, 1)
 
 
 def connect_one(world: BatchedEnvironment) -> Tensor:
@@ -27,10 +21,6 @@ def connect_one(world: BatchedEnvironment) -> Tensor:
         if world.state["completed"][0]:
             return before
     raise AssertionError("the expert did not connect")
-
-
-def aligned(world: BatchedEnvironment) -> Tensor:
-    return world.task.scene(world.state).alignment.aligned
 
 
 def test_observation_layout():
@@ -177,56 +167,6 @@ def test_step_limits():
         world.step(idle(world))
         ends.append([flag.all().item() for flag in world.task.get_termination(world.state)])
     assert ends == [[False, False]] * 4 + [[False, True]]
-
-
-def test_nothing_connects_without_asking_or_holding():
-    world = make(2)
-    asking = idle(world)
-    asking[:, 8] = 1.0
-    world.step(asking)
-    assert not world.state["completed"].any() and not world.state["wrong"].any()
-    expert = world.expert()
-    for _ in range(60):
-        action = expert.act(world.state)
-        action[:, 8] = -1.0
-        world.step(action)
-    assert aligned(world).any() and not world.state["completed"].any()
-    assert not world.physics.eq_active.any()
-
-
-def test_what_is_aligned_and_not_held_does_not_connect(monkeypatch):
-    world = make(2)
-    expert = world.expert()
-    for _ in range(200):
-        action = expert.act(world.state)
-        action[:, 8] = -1.0
-        world.step(action)
-        if aligned(world).all():
-            break
-    here, asking = world.snapshot(), idle(world)
-    asking[:, 8] = 1.0
-    asking[:, 7] = action[:, 7]  # the hand stays closed
-    reader = world.task._reader
-    with monkeypatch.context() as patch:
-        patch.setattr(reader, "_contacts", torch.zeros_like(reader._contacts))
-        world.step(asking)
-        assert not world.physics.eq_active.any() and not world.state["completed"].any()
-    world.restore(here)
-    world.step(asking)
-    assert world.state["completed"].tolist() == [1, 1]
-
-
-def test_what_is_held_and_not_aligned_does_not_connect():
-    world = make(1)
-    expert = world.expert()
-    while not world.task.scene(world.state).touching.all():
-        action = expert.act(world.state)
-        action[:, 8] = -1.0
-        world.step(action)
-    action[:, 8] = 1.0
-    world.step(action)
-    assert world.task.scene(world.state).touching.all() and not aligned(world).any()
-    assert not world.physics.eq_active.any() and not world.state["completed"].any()
 
 
 def test_an_episode_that_begins_in_a_restored_state_was_paid_nothing_yet():
