@@ -20,9 +20,6 @@ pytest_plugins = [
     "point_runs",
 ]  # recipe_runs before those that import it
 
-torch.set_num_threads(1)  # the tests' networks are small: more threads wait for each other
-
-
 ROOT = Path(__file__).resolve().parents[1]
 OF_THE_USER = tuple(f"{ROOT / name}/" for name in ("results", "runs", "demonstrations", "outputs"))
 PUBLISHED = f"{ROOT / 'results' / 'published'}/"
@@ -39,6 +36,12 @@ def refuse_files_of_the_user(event: str, arguments: tuple) -> None:
 
 
 sys.addaudithook(refuse_files_of_the_user)
+
+
+@pytest.fixture(autouse=True)
+def one_torch_thread():
+    """The tests' networks are small: more threads, which TorchRL leaves behind, wait a hundred times as long as they work."""
+    torch.set_num_threads(1)
 
 
 @pytest.fixture(scope="session", autouse=True)
