@@ -40,7 +40,7 @@ sys.addaudithook(refuse_files_of_the_user)
 
 @pytest.fixture(autouse=True)
 def one_torch_thread():
-    """The tests' networks are small: more threads, which TorchRL leaves behind, wait a hundred times as long as they work."""
+    """TorchRL leaves two behind where it had processes; networks as small as the tests' then wait for each other."""
     torch.set_num_threads(1)
 
 

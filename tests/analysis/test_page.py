@@ -51,10 +51,11 @@ QUOTED = [
     "from_scratch: tstar - gaussian",
     "d_omega: tstar_no_gate - buffer_bonus_no_gate", "whole: tstar_no_gate - buffer_bonus_no_gate",
     "all: tstar - buffer_bonus", "both: tstar - gaussian", "both: tstar - buffer",
-    "input_floor: tstar - gaussian",
+    "input_floor: tstar - gaussian", "sampled narrow_skills: tstar - gaussian",
     "tstar_between_costliest - buffer_costliest", "tstar_between - buffer_bonus",
     "feasibility_costliest - buffer_costliest", "narrow_skills: tstar - buffer_bonus",
-    "from_scratch: floored - no_finetuning", "floored - no_finetuning",
+    "sampled: buffer_costliest - buffer", "sampled: tstar_costliest - tstar", "sampled: floored - no_finetuning",
+    "sampled: refitted - no_finetuning", "from_scratch: floored - no_finetuning", "floored - no_finetuning",
     "terminal_state_regularisation chair_ingolf: floored - no_finetuning",
     "terminal_state_regularisation chair_ingolf: floored - floored_01",
     "input_floor chair_ingolf: floored - no_finetuning",
@@ -71,8 +72,8 @@ QUOTED = [
     "from_scratch: tstar - gaussian", "from_scratch: tstar - buffer_bonus", "from_scratch: floored - no_finetuning",
     "narrow_skills: floored - tstar", "narrow_skills: tstar - no_finetuning", "narrow_skills: gaussian - no_finetuning",
     "narrow_skills: no_finetuning_jittered - no_finetuning", "narrow_skills: no_finetuning_jittered - floored",
-    "narrow_skills: refitted - no_finetuning",
-    "narrow_skills: tstar - gaussian", "narrow_skills: buffer_costliest - tstar",
+    "narrow_skills: refitted - no_finetuning", "narrow_skills: tstar - gaussian",
+    "sampled narrow_skills: tstar - gaussian", "narrow_skills: buffer_costliest - tstar",
     "narrow_skills: tstar - buffer_bonus", "narrow_skills: buffer_bonus - buffer", "narrow_skills: buffer - gaussian",
     "shelf table_bjorkudden_0206: in_order_cloned - no_finetuning",
     "recovery: recover_always - no_finetuning", "recovery: recover - recover_blind",
@@ -90,7 +91,8 @@ QUOTED = [
 """The arms of each difference with an interval in the notes, in their order; the last two are the README's own.
 Before the arms: the folder and the task, where these are not beyond_tstar and table_lack; `both` are that folder's arms
 and those of further_training without the gate, seeds of both; `all` has those of d_omega beside them;
-`exchanged` are effects at the first seam, of d_omega_exchanged.csv; `whole` is success, in d_omega."""
+`exchanged` are effects at the first seam, of d_omega_exchanged.csv; `whole` is success, in d_omega; before a folder
+`sampled` says that actions were."""
 
 
 def rounded(number: float, digits: int) -> str:
@@ -105,9 +107,9 @@ def test_differences_in_the_text_are_those_of_the_tables_and_their_intervals_are
     assert len(quoted) == len(QUOTED), [f"{value}{words}" for value, words, *_ in quoted]
 
     @functools.cache
-    def rows(folder: str, task: str = "table_lack") -> pd.DataFrame:
+    def rows(folder: str, task: str = "table_lack", mode: str = "deterministic") -> pd.DataFrame:
         if folder not in ("both", "all"):
-            return read_experiment(PUBLISHED / folder).chosen(task)
+            return read_experiment(PUBLISHED / folder).chosen(task, mode=mode)
         gated, kept = rows("beyond_tstar"), rows("further_training")
         kept = pd.concat([kept, rows("d_omega")] if folder == "all" else [kept])
         kept = kept[kept["arm"].str.endswith("_no_gate")]
@@ -126,7 +128,9 @@ def test_differences_in_the_text_are_those_of_the_tables_and_their_intervals_are
             one, other = ({k: s >= 1.0 for k, s in scores[arm].items()} for arm in pair.split(" - "))
             row = paired_difference(one, other, np.random.default_rng(SEED))
             return row.value, row
-        (row,) = compare_arms(rows(*(folder or "beyond_tstar").split()), [pair.split(" - ")]).itertuples()
+        mode = "stochastic" if folder.startswith("sampled") else "deterministic"
+        place = folder.removeprefix("sampled").split() or ["beyond_tstar"]
+        (row,) = compare_arms(rows(*place, mode=mode), [pair.split(" - ")]).itertuples()
         return row.difference, row
 
     wrong = []
