@@ -108,6 +108,11 @@ def test_after_a_clone_that_never_succeeded_the_next_skill_has_its_own_starts_al
     assert [expert is own for _, expert, *_ in turns] == [True, False, True, False] and len(calls) == 2
 
 
+def test_the_smallest_share_asks_for_one(asked):
+    calls, *_ = asked("in_order", "demonstrated_ends=0.001")
+    assert [episodes for episodes, *_ in calls] == [1, 1, 1]
+
+
 def test_a_share_of_none_asks_for_none_and_one_that_cannot_be_is_refused(asked):
     calls, turns, own = asked("in_order", "demonstrated_ends=0.0")
     assert not calls and all(expert is own for _, expert, *_ in turns)

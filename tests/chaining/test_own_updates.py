@@ -8,7 +8,8 @@ from tstar_rl.chaining.chain import load_chain
 from tstar_rl.chaining.training import Training
 from tstar_rl.chaining.turn_updates import TurnUpdates
 from tstar_rl.checks import InvalidValueError
-from tstar_rl.updates import DiscriminatorSettings
+from tstar_rl.signal_equations import outcome_loss
+from tstar_rl.updates import DiscriminatorSettings, LabelledSettings
 
 
 class Counter:
@@ -112,7 +113,47 @@ def test_a_network_called_as_an_update_of_ones_own_is_refused(point_chain, monke
         )
 
     monkeypatch.setattr(TurnUpdates, "policy_update", both)
-    with pytest.raises(InvalidValueError, match="update_further is one of the recipe's own"):
+    with pytest.raises(
+        InvalidValueError, match="update_further is a Counter already, not a DiscriminatorUpdate"
+    ):
+        point_chain("policy_sequencing", "chain.gate=false", "chain.links=2")
+
+
+LABELS = {"initiation": 1.0, "termination": 0.0}
+
+
+@pytest.mark.parametrize(
+    "again, message",
+    [
+        (lambda turn: turn.keep("further", Counter), "it is the update of a neighbour's network"),
+        (
+            lambda turn: turn.labelled_update("further", turn.previous, outcome_loss, LabelledSettings()),
+            "update_further is a DiscriminatorUpdate already, not a LabelledUpdate",
+        ),
+        (
+            lambda turn: turn.discriminator_update(
+                "further", turn.previous, DiscriminatorSettings(steps=3), **LABELS
+            ),
+            r"update_further goes on with .*steps=100.*, got .*steps=3.*: .*chain.carry_over=false",
+        ),
+        (
+            lambda turn: turn.discriminator_update(
+                "further", turn.previous, DiscriminatorSettings(), termination=0.0, initiation=1.0
+            ),
+            "update_further goes on with labels {'initiation': 1.0, 'termination': 0.0}, got {'termination'",
+        ),
+    ],
+)
+def test_an_update_that_goes_on_is_not_handed_out_for_another(point_chain, monkeypatch, again, message):
+    def twice(turn):
+        if turn.previous is not None:
+            turn.discriminator_update("further", turn.previous, DiscriminatorSettings(), **LABELS)
+            again(turn)
+        return policy_update(turn)
+
+    policy_update = TurnUpdates.policy_update
+    monkeypatch.setattr(TurnUpdates, "policy_update", twice)
+    with pytest.raises(InvalidValueError, match=message):
         point_chain("policy_sequencing", "chain.gate=false", "chain.links=2")
 
 

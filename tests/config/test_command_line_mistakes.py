@@ -89,6 +89,8 @@ MISTAKES = [
     ("recover", ["recovery.at_most=1.5"], r"recovery.at_most must be in \(0, 1\], got 1.5"),
     ("gail_ppo", ["normalizer.floor=-1"], "normalizer.floor must be positive, got -1"),
     ("gail_ppo", ["networks.std=learned"], "networks.std must be one of state, fixed; got 'learned'"),
+    ("gail_ppo", ["networks.std=fixed", "ppo.entropy_coeff=0.01"], "no entropy can rise; got ppo.entropy_coeff=0.01:"),
+    ("tstar", ["networks.std=fixed", "chain.ppo.entropy_coeff=1"], "no entropy can rise; got chain.ppo.entropy"),
     ("gail_ppo", ["networks.action_std=-1"], "networks.action_std must be positive, got -1"),
     ("gail_ppo", ["networks.discriminator_hidden=[-3]"], r"networks.discriminator_hidden must be sizes .* got \(-3,\)"),
     ("gail_ppo", ["+f_phi.penalty=none"], "f_phi.penalty must be one of zero_at_first, one_between; got 'none'"),

@@ -38,6 +38,13 @@ def test_no_start_is_beyond_the_time_limit_of_training(demonstrations):
     assert torch.equal(demonstrations.snapshots["task", "episode_step"], made)
 
 
+def test_demonstrations_that_begin_beyond_the_time_limit_are_refused(demonstrations):
+    demonstrations.snapshots["task", "episode_step"] = torch.arange(7) + 5
+    with pytest.raises(InvalidValueError, match="no demonstration has a state before step 5, .*max_steps"):
+        DemonstrationStarts(demonstrations, 5)
+    assert len(DemonstrationStarts(demonstrations, 5, steps=2).snapshots) == 7
+
+
 def test_an_episode_from_a_demonstration_is_no_longer_than_the_time_limit(demonstrations):
     drawn = DemonstrationStarts(demonstrations, 5, steps=5).sample(9, torch.Generator().manual_seed(0))
     assert (drawn["task", "episode_step"] == 0).all()

@@ -171,12 +171,14 @@ class Further(At):
         self.position = state["position"]
 
 
-def test_a_source_that_changes_is_saved_and_goes_on(make_env):
-    """Beside one that says nothing of itself, and a set that is saved with its skill."""
+@pytest.mark.parametrize("nested", [False, True])
+def test_a_source_that_changes_is_saved_and_goes_on(make_env, nested):
+    """Beside one that says nothing of itself, and a set that is saved with its skill; also in a mixture of mixtures."""
 
     def env_from(position: float) -> tuple[TransformedEnv, Further]:
         changing = Further(position)
         source = MixedStarts([At(0.5), changing, reached(0.7)], [0.3, 0.4, 0.3])
+        source = MixedStarts([At(0.5), source], [0.1, 0.9]) if nested else source
         return with_starts(make_env(num_envs=30), source, 1.0), changing
 
     (first, moved), (second, still) = env_from(0.1), env_from(0.1)

@@ -44,6 +44,11 @@ from tstar_rl.updates import (
             {"penalty": "one"},
             "DiscriminatorSettings.penalty must be one of zero_at_first, one_between; got 'one'",
         ),
+        (
+            DiscriminatorSettings,
+            {"penalty": "one_between", "gradient_penalty": 0.0},
+            "penalty=one_between .* gradient_penalty=0",
+        ),
         (PPOSettings, {"epochs": 0}, "PPOSettings.epochs must be at least 1, got 0"),
         (PPOSettings, {"learning_rate": math.nan}, "PPOSettings.learning_rate must be positive, got nan"),
         (PPOSettings, {"critic_learning_rate": -1e-3}, "critic_learning_rate must be positive, got -0.001"),

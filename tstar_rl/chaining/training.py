@@ -35,6 +35,7 @@ from tstar_rl.updates import (
     PPOSettings,
     behaviour_cloning,
 )
+from tstar_rl.updates.sampled import SampledUpdate
 
 __all__ = ["AnyUpdate", "Distance", "SkillTraining", "Training", "TrainingSettings", "Update"]
 
@@ -140,6 +141,10 @@ class Training:
                 f"keep({name!r}): {name} has an update of the library's; give yours another name"
             )
         if (known := self._carried(name)) is not None:
+            if isinstance(known, SampledUpdate):
+                raise InvalidValueError(
+                    f"keep({name!r}): it is the update of a neighbour's network; give yours another name"
+                )
             return known
         with generators_stay(self.skill.initiation_set.device):
             made = make()

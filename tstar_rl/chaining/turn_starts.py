@@ -40,8 +40,8 @@ class TurnStarts(TurnUpdates):
         if not share:
             return
         self._check_that_it_is_the_only_turn()
-        number = round(share * len(self.expert))
-        if self.previous is None or not number or not len(self.previous.termination_set):
+        number = max(round(share * len(self.expert)), 1)
+        if self.previous is None or not len(self.previous.termination_set):
             return
         before, subtask = self.previous.termination_set, self.index
         made = self.chain.workshop.demonstrations(subtask, before, number, self.seed)

@@ -28,6 +28,7 @@ __all__ = ["TurnUpdates"]
 
 AnySignal = TypeVar("AnySignal", bound=Signal)
 Scoring = TypeVar("Scoring", bound=SampledUpdate)
+Known = TypeVar("Known", DiscriminatorUpdate, LabelledUpdate)
 
 
 class TurnUpdates(Training):
@@ -67,7 +68,9 @@ class TurnUpdates(Training):
         self, name: str, skill: Skill, settings: DiscriminatorSettings, **labels: float
     ) -> DiscriminatorUpdate:
         """See `Training`; where a chain carries over, that of the skill's last turn goes on."""
-        known = self._known(name, skill)
+        known = self._known(DiscriminatorUpdate, name, skill, settings)
+        if known is not None and list(known.loss.labels.items()) != list(labels.items()):
+            raise InvalidValueError(f"update_{name} goes on with labels {known.loss.labels}, got {labels}")
         return self._teach(
             name, skill, known or super().discriminator_update(name, skill, settings, **labels)
         )
@@ -78,7 +81,7 @@ class TurnUpdates(Training):
         """See `Training`; where a chain carries over, that of the skill's last turn goes on."""
         if skill is self.following:  # what pays this turn
             self.chain.asked.add(f"{skill.subtask}/{name}")
-        known = self._known(name, skill)
+        known = self._known(LabelledUpdate, name, skill, settings)
         return self._teach(name, skill, known or super().labelled_update(name, skill, distance, settings))
 
     def learned(self, name: str, skill: Skill) -> Discriminator | None:
@@ -119,16 +122,22 @@ class TurnUpdates(Training):
     def _carried(self, name: str) -> Any:
         return self.kept.get(f"update_{name}")
 
-    def _known(self, name: str, skill: Skill) -> Any:
+    def _known(self, kind: type[Known], name: str, skill: Skill, settings: Any) -> Known | None:
         """The update of a name that is there already, or None.
 
         Raises:
-            InvalidValueError: if it is that of another skill's network, or one of the recipe's own.
+            InvalidValueError: if it is of another kind, of another skill's network, or has other settings.
         """
         known = self._carried(name)
-        if known is not None and not isinstance(known, (DiscriminatorUpdate, LabelledUpdate)):
+        if known is not None and not isinstance(known, kind):
             raise InvalidValueError(
-                f"update_{name} is one of the recipe's own: give the network another name"
+                f"update_{name} is a {type(known).__name__} already, not a {kind.__name__}: give the network another "
+                "name"
+            )
+        if known is not None and known.settings != settings:
+            raise InvalidValueError(
+                f"update_{name} goes on with {known.settings}, got {settings}: give it the same in every turn, or set "
+                "chain.carry_over=false"
             )
         if known is not None and known.loss.network is not skill.network(name):
             raise InvalidValueError(

@@ -102,6 +102,7 @@ def check_what_is_not_read(values: Mapping[str, Any], name: str) -> None:
     _check_asked(values, name)
     _check_demonstrations(values.get("demonstrations") or {})
     _check_rewards(values, name)
+    _check_entropy(values, name)
     if name in FINE_TUNING:
         _check_chain(values, name)
     no_path = name in (*FINE_TUNING, "floored", "recover") and name not in LEARN_FROM_PATHS
@@ -163,6 +164,21 @@ def _check_rewards(values: Mapping[str, Any], name: str) -> None:
         said = ", ".join(f"terminal_reward.{key}={value}" for key, value in given.items())
         raise ConfigError(
             f"{name} does not read terminal_reward, got {said}; tstar, scar_like, feasibility and hand_over_value do"
+        )
+
+
+def _check_entropy(values: Mapping[str, Any], name: str) -> None:
+    """Refuses a bonus for an entropy that nothing changes."""
+    sections = {"ppo": values.get("ppo") or {}, "chain.ppo": (values.get("chain") or {}).get("ppo") or {}}
+    asked = [
+        f"{key}.entropy_coeff={each['entropy_coeff']}"
+        for key, each in sections.items()
+        if each.get("entropy_coeff")
+    ]
+    if name in (*ONE_POLICY, *FINE_TUNING) and values["networks"]["std"] == "fixed" and asked:
+        raise ConfigError(
+            f"networks.std=fixed is a deviation that does not learn, so no entropy can rise; got {', '.join(asked)}: "
+            "set it to 0, or networks.std=state"
         )
 
 

@@ -22,7 +22,7 @@ class DemonstrationStarts:
         steps: that an episode from there has, whatever the demonstration had made; None: those that the limit leaves.
 
     Raises:
-        InvalidValueError: the demonstrations have no states, or `steps` is more than the limit.
+        InvalidValueError: the demonstrations have no states, or none before the limit; `steps` is more than the limit.
 
     Source: Peng et al. 2018, DeepMimic, "reference state initialization"; Nair et al. 2018, "resets".
     """
@@ -40,6 +40,11 @@ class DemonstrationStarts:
             )
         if steps is None:
             self.snapshots = self.snapshots[self.snapshots["task", "episode_step"] < limit]
+            if not self.snapshots.batch_size[0]:
+                raise InvalidValueError(
+                    f"no demonstration has a state before step {limit}, where an episode ends (training.max_steps a "
+                    "subtask): raise that, or set training.demonstration_steps, the steps of an episode from there"
+                )
         else:
             self.snapshots = self.snapshots.clone()
             self.snapshots["task", "episode_step"].fill_(limit - steps)

@@ -104,7 +104,7 @@ def counts_of(env: TransformedEnv) -> dict[str, int]:
     """What is logged of an environment since it was made.
 
     Where its episodes have begun, what its Gaussian has drawn, and "failures", simulations that failed, once there are
-    some.
+    some. With SPiRL these include steps after an episode's end, which no batch has: see `LatentExecution`.
     """
     failures = getattr(env.base_env, "failures", 0)
     return start_counts(env) | gaussian_counts(env) | ({"failures": failures} if failures else {})

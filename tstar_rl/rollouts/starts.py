@@ -113,8 +113,17 @@ def make_starts(
 
 
 def sources(env: TransformedEnv) -> list[Starts]:
-    """What the chained starts of an environment are drawn from; nothing without `SkillChainReset`."""
-    return [each for reset in _resets(env) for each in getattr(reset.starts, "sources", [reset.starts])]
+    """What the chained starts of an environment are drawn from, also where a mixture is part of another one.
+
+    Nothing without `SkillChainReset`.
+    """
+    return [each for reset in _resets(env) for each in _unmixed(reset.starts)]
+
+
+def _unmixed(starts: Starts) -> list[Starts]:
+    if not isinstance(starts, MixedStarts):
+        return [starts]
+    return [each for source in starts.sources for each in _unmixed(source)]
 
 
 def start_counts(env: TransformedEnv) -> dict[str, int]:

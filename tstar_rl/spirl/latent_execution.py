@@ -48,7 +48,8 @@ class LatentExecution(Transform):
 
     The transform decodes the latent into actions, takes the steps and sums their rewards. "next" is the state after H
     steps, or the state in which the episode ended before. A simulation that ended early goes on stepping with the
-    others; those steps are dropped. "latent_steps" (*batch, 1) counts the steps of the episode that the latent took.
+    others; those steps are dropped, though one that fails in them counts as a failure. "latent_steps" (*batch, 1)
+    counts the steps of the episode that the latent took.
 
     Transforms appended before this one act at every environment step, those appended after it once per latent. It works
     in an environment only. TorchRL's `MultiAction` needs all actions before the first step; a closed-loop decoder needs

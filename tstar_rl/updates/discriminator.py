@@ -40,6 +40,11 @@ class DiscriminatorSettings:
             not_negative=("gradient_penalty",),
         )
         check_choices(self, penalty=PENALTIES)
+        if self.penalty == "one_between" and not self.gradient_penalty:
+            raise ValueError(
+                "penalty=one_between says which gradient penalty, and gradient_penalty=0 that there is none: "
+                "leave one of them out"
+            )
 
 
 class DiscriminatorUpdate(SampledUpdate):
