@@ -71,7 +71,7 @@ class AssemblyTask(control.Task):
     @torch.inference_mode()
     def after_step(self, physics: AssemblyPhysics) -> None:
         """Reads what the step did."""
-        self.world.after_step(self._action, physics.failed)
+        self.world.after_step(self._action, physics.tell_failed())
 
     def get_observation(self, physics: AssemblyPhysics) -> dict[str, Any]:
         """See `DmEnvironment`."""
@@ -109,7 +109,8 @@ class DmEnvironment(control.Environment):
     The observation is a dict: `observation` (O,), and `subtask`, `phase` and `completed` as integers. The discount
     is 0 where the task ended (success or failure) and 1 otherwise, also where the time limit cut the episode.
     From the same snapshot, the same actions give the same bits as in the batched environment. A copy, by
-    `copy.deepcopy` or pickle, is another simulation in the state of `snapshot`.
+    `copy.deepcopy` or pickle, is another simulation in the state of `snapshot`; its model is compiled anew from the
+    furniture, so what was written into `physics.model` is not in it.
     """
 
     world: BatchedEnvironment
@@ -129,6 +130,7 @@ class DmEnvironment(control.Environment):
     def reset_to(self, snapshot: TensorDict) -> dm_env.TimeStep:
         """Starts a new episode from a snapshot of batch [1], at the beginning of the subtask that it is at."""
         self.world.reset_to(snapshot)
+        self._physics.tell_failed()  # of what was there before
         self._reset_next_step, self._step_count = False, 0
         return dm_env.restart(self._task.get_observation(self._physics))
 

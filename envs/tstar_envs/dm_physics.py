@@ -39,11 +39,17 @@ class AssemblyPhysics(Physics):
     view: SinglePhysics
     """The simulation as tensors, for the task."""
     failed: torch.Tensor
-    """(1,) bool: whether MuJoCo gave up on the simulation in the last step."""
+    """(1,) bool: whether MuJoCo gave up on the simulation in the last control step, or in a step since."""
 
     def step(self, nstep: int = 1) -> None:
         """Takes `nstep` physics steps under the controls in `view.ctrl`."""
-        self.failed = self.view.step(nstep)
+        failed = self.view.step(nstep)
+        self.failed, self._told = failed if self._told else self.failed | failed, False
+
+    def tell_failed(self) -> torch.Tensor:
+        """`failed`, which the next step begins anew: until it is told, a failure stays."""
+        self._told = True
+        return self.failed
 
     def set_control(self, control: Any) -> None:
         """Sets the controls (9,): seven joint velocities, rad/s, and two finger positions, m."""
@@ -58,6 +64,7 @@ class AssemblyPhysics(Physics):
         """
         if keyframe_id is not None:
             raise ValueError(f"the scene has no keyframes: keyframe_id must be None, got {keyframe_id!r}")
+        self.failed, self._told = torch.zeros(1, dtype=torch.bool), True
         self.view.clear(torch.ones(1, dtype=torch.bool))
         self.view.forward()
 
@@ -84,7 +91,7 @@ class AssemblyPhysics(Physics):
 
     def _reload_from_data(self, data: Any) -> None:
         self.view = SinglePhysics(data.model.ptr, data.ptr)
-        self.failed = torch.zeros(1, dtype=torch.bool)
+        self.failed, self._told = torch.zeros(1, dtype=torch.bool), True
         super()._reload_from_data(data)
         self.view.forward()
 

@@ -153,6 +153,7 @@ class BatchedEnvironment:
         mask = self._read(mask)
         begins = mask if goes_on is None else mask & ~self._read(goes_on)
         snapshot = self._checked(snapshot, mask)
+        self._check.has_episode(snapshot, mask)
         self._check.begins(snapshot, begins, self.subtask)
         self._check.goes_on(snapshot, mask & ~begins, self.subtask)
         self._put(snapshot, mask)

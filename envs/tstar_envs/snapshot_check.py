@@ -160,14 +160,12 @@ class SnapshotCheck:
         moved = (snapshot["physics"][:, self._qpos] - self._default).abs().amax(-1) > ROUNDING
         return moved | snapshot["task", "failed"]
 
-    def begins(self, snapshot: TensorDictBase, mask: Tensor, subtask: int | None) -> None:
-        """Checks that episodes of `subtask` (None: the whole task) can begin in the rows of `mask` (N,).
+    def has_episode(self, snapshot: TensorDictBase, mask: Tensor) -> None:
+        """Checks that the rows of `mask` (N,) are of episodes.
 
         Raises:
-            ValueError: one is at another subtask, has nothing left to assemble, is of a simulation that was given up,
-                or of one that had not begun.
+            ValueError: one is of a simulation that was given up, or of one that had not begun.
         """
-        found = snapshot["task", "subtask"]
         for none, why in (
             (snapshot["task", "failed"], "was given up"),
             (~self.begun(snapshot), "had not begun: call reset() before snapshot()"),
@@ -177,6 +175,14 @@ class SnapshotCheck:
                 raise ValueError(
                     f"no episode of {self.name} can start from the snapshot in simulation {row}: that one {why}"
                 )
+
+    def begins(self, snapshot: TensorDictBase, mask: Tensor, subtask: int | None) -> None:
+        """Checks that episodes of `subtask` (None: the whole task) can begin in the rows of `mask` (N,).
+
+        Raises:
+            ValueError: one is at another subtask, or has nothing left to assemble.
+        """
+        found = snapshot["task", "subtask"]
         wrong = mask & (found >= self.tables.num_steps if subtask is None else found != subtask)
         if bool(wrong.any()):
             raise ValueError(

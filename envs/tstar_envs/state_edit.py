@@ -121,7 +121,10 @@ class StateEditor:
         return connection.align(*ends, self.tables.allowed_angles[k].expand(len(moving), -1))
 
     def _strain(self, qpos: Tensor, active: Tensor) -> tuple[float, float]:
-        """How deep something penetrates, m, and how far a joint is beyond its limit, rad or m; below 0: not at all."""
+        """How deep something penetrates, m, and how far a joint is beyond its limit, rad or m; below 0: not at all.
+
+        Of a capsule whose axis is in a box MuJoCo makes no contact in some poses: that is not seen.
+        """
         self._data.qpos[:] = qpos.cpu().numpy()
         self._data.eq_active[:] = active.cpu().numpy()
         mujoco.mj_fwdPosition(self.model, self._data)

@@ -59,7 +59,9 @@ def test_what_was_returned_does_not_change_later():
 def test_noise_moves_the_action_but_not_the_label():
     env = make()
     tensordict = env.expert(noise=0.2, generator=torch.Generator().manual_seed(0))(env.reset())
+    drawn = torch.get_rng_state()
     clean = env.expert()(env.reset(seed=0))
+    assert torch.equal(torch.get_rng_state(), drawn), "without noise nothing is drawn"
     assert torch.equal(clean["action"], clean["expert_action"])
     off = (tensordict["action"] - tensordict["expert_action"]).abs()
     assert off[:, :7].max() > 0.05 and not off[:, 7:].any() and tensordict["action"].abs().max() <= 1

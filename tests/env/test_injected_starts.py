@@ -62,6 +62,24 @@ def test_an_injected_start_begins_a_new_episode_or_goes_on_with_its_own():
     assert ends.tolist() == [8, 20], "the time limit of an episode that goes on is what its own has left"
 
 
+def test_what_has_no_episode_cannot_go_on():
+    env = make(2)
+    waiting = env.snapshot()
+    env.reset()
+    given_up = env.snapshot()
+    given_up["task", "failed"][1] = True
+    every = torch.ones(2, 1, dtype=torch.bool)
+    for snapshot, why in (
+        (waiting, "simulation 0: that one had not begun"),
+        (given_up, "simulation 1: .* given up"),
+    ):
+        start = TensorDict({"snapshot": snapshot, "use": every, "goes_on": every}, [2])
+        with pytest.raises(
+            ValueError, match=f"no episode of table_lack can start from the snapshot in {why}"
+        ):
+            env.reset(TensorDict({"start": start}, [2]))
+
+
 def test_the_expert_can_start_anywhere_and_finishes_from_as_met():
     step = until_success(make(4, snapshots=True))["next"]
     row = int(step["success"].flatten().nonzero()[0])

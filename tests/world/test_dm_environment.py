@@ -154,6 +154,27 @@ def test_a_copy_leaves_the_original_s_random_state_where_it_is():
     assert env.task._random.get_state()[2] == before
 
 
+def test_what_mujoco_gave_up_on_between_steps_ends_the_episode():
+    env = load_dm(TASK, 0, seed=2)
+    env.reset()
+    env.physics.data.qvel[0] = 1e12
+    env.physics.step()
+    assert env.physics.failed and not env.step(np.zeros(9)).first()
+    assert env.world.failures == 1 and env._reset_next_step
+    assert env.step(np.zeros(9)).first() and not env.physics.failed
+    assert env.step(np.zeros(9)).mid() and env.world.failures == 1
+    env.physics.data.qvel[0] = 1e12
+    env.physics.step()
+    env.reset_to(load_dm_snapshot())
+    assert env.step(np.zeros(9)).mid() and env.world.failures == 1
+
+
+def load_dm_snapshot():
+    env = load_dm(TASK, 0, seed=3)
+    env.reset()
+    return env.snapshot()
+
+
 def test_what_is_written_into_the_data_is_seen_at_once():
     env = load_dm(TASK, 0, seed=2)
     env.reset()

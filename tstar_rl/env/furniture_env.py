@@ -133,10 +133,11 @@ class FurnitureEnv(EnvBase):
         return showing.write_player(self.world, path, episodes, title)
 
     def expert(self, noise: float = 0.0, generator: torch.Generator | None = None) -> Callable:
-        """The scripted assembly policy as a map of TensorDicts.
+        """The scripted assembly policy as a map of TensorDicts, of which it reads nothing: it acts in this environment.
 
-        Writes `action` and the clean label `expert_action`. With `noise`, Gaussian noise of that standard deviation
-        is added to the seven arm components of `action`, drawn from `generator`, without one from torch's.
+        Writes `action` and the clean label `expert_action` for the state that the simulations are in. With `noise`,
+        Gaussian noise of that standard deviation is added to the seven arm components of `action`, drawn from
+        `generator`, without one from torch's.
 
         Raises:
             ValueError: the noise is negative or not finite.
@@ -148,7 +149,8 @@ class FurnitureEnv(EnvBase):
         def act(tensordict: TensorDictBase) -> TensorDictBase:
             label = assembler.act(self.world.state).float()
             action = label.clone()
-            action[:, :7] += noise * torch.randn(self.num_envs, 7, generator=generator).to(action.device)
+            if noise:
+                action[:, :7] += noise * torch.randn(self.num_envs, 7, generator=generator).to(action.device)
             return tensordict.set("expert_action", label).set("action", action.clamp(-1.0, 1.0))
 
         return act

@@ -2,7 +2,7 @@
 
 from torch import Tensor
 
-from tstar_envs.geometry import quat_conj, quat_mul, quat_rotate
+from tstar_envs.geometry import relative_pose
 
 __all__ = ["pose_from"]
 
@@ -17,5 +17,4 @@ def pose_from(poses: Tensor, part: int, base: int | None) -> tuple[Tensor, Tenso
     position, turn = poses[:, part, :3], poses[:, part, 3:]
     if base is None:
         return position, turn
-    back = quat_conj(poses[:, base, 3:])
-    return quat_rotate(back, position - poses[:, base, :3]), quat_mul(back, turn)
+    return relative_pose(poses[:, base, :3], poses[:, base, 3:], position, turn)

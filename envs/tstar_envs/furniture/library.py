@@ -73,10 +73,11 @@ def load(name: str) -> Furniture:
 
 
 def digest(name: str) -> str:
-    """What the file of a piece says, as 64 hexadecimal digits of SHA-256: another file, another digest.
+    """What the file of a piece says, as 64 hexadecimal digits of SHA-256.
 
-    Comments are left aside, and so is the order of keys, even of the parts, which is their order in an observation. It
-    is of the file as `load` read it, so of the piece that is simulated, whatever the file says by now.
+    Two files that differ in comments alone, or in the order of keys, have one digest, even where these are the parts,
+    whose order is that of an observation. It is of the file as `load` read it, so of the piece that is simulated,
+    whatever the file says by now.
 
     Raises:
         FurnitureError: as `load`.

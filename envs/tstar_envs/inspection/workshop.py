@@ -114,14 +114,27 @@ class Workshop:
         return min(self._distance(i, j) for i in these for j in those)
 
     def _distance(self, one: int, other: int) -> float:
-        """Least distance of two geoms. MuJoCo says 0 where they have the same centre, however deep they are."""
+        """Least distance of two geoms.
+
+        MuJoCo overlooks how deep some are in each other: those that lie on one axis, which a step aside shows, and a
+        capsule whose axis is in a box, which is as deep as it is thick.
+        """
         ends, place = np.zeros(6), self.data.geom_xpos[one]
         found = mujoco.mj_geomDistance(self.model, self.data, one, other, FAR, ends)
-        if found == 0.0:
-            place += _ASIDE
-            found = mujoco.mj_geomDistance(self.model, self.data, one, other, FAR, ends)
-            place -= _ASIDE
-        return found
+        place += _ASIDE
+        found = min(found, mujoco.mj_geomDistance(self.model, self.data, one, other, FAR, ends))
+        place -= _ASIDE
+        return min(found, self._axis_inside(one, other), self._axis_inside(other, one))
+
+    def _axis_inside(self, capsule: int, box: int) -> float:
+        """Less its radius, if the axis of a capsule is in a box anywhere; else `FAR`. Other shapes: `FAR`."""
+        kinds = self.model.geom_type[[capsule, box]].tolist()
+        if kinds != [mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_BOX]:
+            return FAR
+        radius, half, _ = self.model.geom_size[capsule]
+        along = self.data.geom_xmat[capsule].reshape(3, 3)[:, 2]
+        axis = self.data.geom_xpos[capsule] + np.linspace(-half, half, 101)[:, None] * along
+        return -radius if any(self._off_geom(box, point) == 0 for point in axis) else FAR
 
     def _lowest(self, geom: int) -> float:
         size, up = self.model.geom_size[geom], np.abs(self.data.geom_xmat[geom].reshape(3, 3)[2])

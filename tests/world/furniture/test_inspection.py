@@ -139,6 +139,19 @@ def test_parts_that_pass_through_each_other_may_lie_in_each_other(table):
     assert start(free=False) and not start(free=True)
 
 
+def test_a_capsule_through_a_box_is_in_it(table):
+    """Here MuJoCo's distance is 10 mm; 1 mm further aside it is -10."""
+
+    def rod_in_a_plate(data):
+        plate, rod = ([0.2, 0.6, 0.0205, 1, 0, 0, 0], [0.16, 0.57, 0.0205, 0.5**0.5, 0.5**0.5, 0, 0])
+        data["parts"]["leg_3"].update(boxes=[{"size": [0.1, 0.05, 0.02]}], initial_pose=plate)
+        del data["parts"]["leg_2"]["boxes"]
+        _leg(data, capsules=[{"radius": 0.01, "half_length": 0.1}], initial_pose=rod)
+
+    found = inspect(library.read(table(rod_in_a_plate)))
+    assert "it starts 10 mm inside leg_2" in [f.text for f in found if f.where == "parts.leg_3.initial_pose"]
+
+
 def test_the_script_says_how_it_fails(table):
     trial = try_out(library.read(table()), 0, episodes=4)
     assert trial.success == 1.0 and str(trial).startswith("steps[0]: 100% of 4, in ")

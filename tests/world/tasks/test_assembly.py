@@ -10,6 +10,7 @@ from tstar_envs import geometry
 from tstar_envs.environment import BatchedEnvironment
 from tstar_envs.robots import sawyer
 from tstar_envs.tasks import assembly
+from tstar_rl.env import layout
 
 
 def connect_one(world: BatchedEnvironment) -> Tensor:
@@ -38,6 +39,8 @@ def test_observation_layout():
         assert torch.equal(observation[:, 29 + 7 * i : 36 + 7 * i], part_pose(world, part))
     assert_close(observation[:, 64:].argmax(-1), world.state["phase"])
     assert_close(observation[:, 64:].sum(-1), torch.ones(4, dtype=torch.float64))
+    assert (layout.JOINTS, layout.GRIP_POSITION, layout.HAND_QUAT) == (7, 16, 19)
+    assert (layout.PARTS, layout.NUM_PHASES, layout.observation_size(5)) == (29, 8, 72)
 
 
 def test_hand_velocities_are_the_rates_of_its_pose():
