@@ -1,6 +1,7 @@
 """An environment of torch alone with the keys of `FurnitureEnv`, for tests of the learning side."""
 
 import copy
+import os
 import sys
 from pathlib import Path
 
@@ -11,6 +12,8 @@ from tensordict import TensorDict
 from torchrl.data import Bounded, Categorical, Composite, Unbounded
 from torchrl.envs import EnvBase
 
+from tstar_envs.furniture.library import FURTHER
+from tstar_rl.config.command_line import FULL_ERROR
 from tstar_rl.config.values import CONFIGS
 
 pytest_plugins = [
@@ -59,6 +62,13 @@ def configs_are_parsed_once():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(OmegaConf, "load", staticmethod(once))
         yield
+
+
+def pytest_configure() -> None:
+    """One thread from the first import on, and nothing of what a user has set for recipes of his own."""
+    torch.set_num_threads(1)
+    for name in (FULL_ERROR, FURTHER):
+        os.environ.pop(name, None)
 
 
 def pytest_collection_modifyitems(items) -> None:

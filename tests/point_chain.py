@@ -162,8 +162,9 @@ def _made_skills() -> tempfile.TemporaryDirectory[str]:
     """Where they are made, once for all tests of a process."""
     folder = tempfile.TemporaryDirectory()
     for index in range(SUBTASKS):
-        torch.manual_seed(index)
-        skill = Skill("table_lack", index, NETWORKS)
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(index)
+            skill = Skill("table_lack", index, NETWORKS)
         spread = torch.linspace(-1, 1, 100).unsqueeze(-1) * torch.ones(100, 72)
         spread[:, 0] += index + 0.5
         skill.normalizer.fit(spread, 0.5)

@@ -54,7 +54,8 @@ def point_chain(tmp_path, monkeypatch):
     The checkpoints of its turns take a third of such a run, and are written with resumable=True alone.
     """
     make_skills(tmp_path)
-    expert = SimpleNamespace(observations=torch.rand(64, 72), actions=torch.zeros(64, 9))
+    observations = torch.rand(64, 72, generator=torch.Generator().manual_seed(0))
+    expert = SimpleNamespace(observations=observations, actions=torch.zeros(64, 9))
     monkeypatch.setattr(furniture_env, "FurnitureEnv", PointChain)
     for module in (build, chain):
         monkeypatch.setattr(module, "load_demonstrations", lambda config, subtask: expert)

@@ -54,7 +54,7 @@ def asked(point_chain, monkeypatch, tmp_path):
             turns.append((turn.index, turn.expert, skill.normalizer.loc.clone(), said))
             yield from rollouts(turn)
 
-        own = demonstrations(torch.rand(64, 72))
+        own = demonstrations(torch.rand(64, 72, generator=torch.Generator().manual_seed(0)))
         monkeypatch.setattr(chain, "load_demonstrations", lambda config, subtask: own)
         monkeypatch.setattr(chain, "collect", collect)
         monkeypatch.setattr(Turn, "rollouts", watched)

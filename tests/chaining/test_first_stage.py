@@ -6,6 +6,7 @@ import torch
 
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.chaining.training import Training
+from tstar_rl.runs import checkpoint
 from tstar_rl.updates import PolicyUpdate
 
 VALUES = ("training.total_steps=4096", "training.checkpoint_every=1024", "training.max_steps=3")
@@ -35,6 +36,28 @@ def test_a_killed_training_goes_on_to_the_same_figures(point_chain, monkeypatch,
         folders = (tmp_path / f"runs/table_lack/{system}/seed0/{name}" for system in ("whole", "cut"))
         one, other = (Skill.load(folder).network_state() for folder in folders)
         torch.testing.assert_close(one, other, rtol=0, atol=0)
+
+
+def test_the_best_skill_is_kept(point_chain, monkeypatch, tmp_path):
+    finish, completed = Training._finish_rollout, iter((0.0, 1.0, 0.0, 0.0))
+    monkeypatch.setattr(
+        Training, "_finish_rollout", lambda *both: {**finish(*both), "completed": next(completed)}
+    )
+    table = point_chain("gail_ppo", "training.total_steps=2048", "system=mine")
+    run = tmp_path / "runs/table_lack/mine/seed0"
+    steps = {name: checkpoint.read_record(run / name)["env_steps"] for name in ("best", "last")}
+    assert table.completed.tolist() == [0, 1, 0, 0] and steps == {"best": 1024, "last": 2048}
+
+
+@pytest.mark.parametrize("recipe", ["ppo", "gail"])
+def test_one_reward_alone_trains_a_policy(recipe, point_chain):
+    table = point_chain(recipe, "training.total_steps=1024", "ppo.critic_warmup=0", "system=alone")
+    assert len(table) == 2 and (table.actor_steps > 0).any() and table.loss_policy.notna().all()
+    paid = table.reward_env if recipe == "ppo" else table.reward_gail
+    assert table.reward.to_numpy() == pytest.approx(0.05 * paid.to_numpy(), rel=1e-4)
+    if recipe == "gail":
+        assert (table.reward_gail > 0).all()
+        assert (table.f_phi_expert_score > table.f_phi_agent_score).all(), "the expert is the first label's"
 
 
 def rates_of(monkeypatch) -> list[float]:

@@ -126,6 +126,14 @@ def test_a_rejected_turn_puts_back_everything_that_it_changed(spoiled_turns, poi
                 torch.equal(value, after[name]) if isinstance(value, torch.Tensor) else value == after[name]
             )
             assert same, (turn, name)
+    begun, trained = states["before", 0], states["said", 0]
+    updates = {"update_policy", "update_f_phi", "update_d_omega"}
+    assert updates <= begun.keys() and {"update_policy", "update_f_phi"} <= states["before", 1].keys()
+    for name in updates:  # what was put back had changed
+        one, other = flat(begun[name]), flat(trained[name])
+        assert one.keys() != other.keys() or any(
+            str(value) != str(other[key]) for key, value in one.items()
+        ), name
     # What is said of the chain that was tried is said by the networks that were trained with it.
     said, before = (flat(states[when, 0]["others"][1]["d_omega"]) for when in ("said", "before"))
     assert any(not torch.equal(value, before[name]) for name, value in said.items())

@@ -8,7 +8,13 @@ from tstar_rl.chaining.turns import Turn
 from tstar_rl.config.values import CONFIGS
 
 SIMULATIONS = 8
-UPDATES = ("++ppo.epochs=1", "++chain.ppo.epochs=1", "++f_phi.steps=1", "d_omega.steps=1")
+UPDATES = (
+    "++ppo.epochs=1",
+    "++chain.ppo.epochs=1",
+    "++ppo.entropy_coeff=0",
+    "++f_phi.steps=1",
+    "d_omega.steps=1",
+)
 """As short as they can be: what a policy learns is not looked at."""
 
 

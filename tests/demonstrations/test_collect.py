@@ -6,8 +6,10 @@ import torch
 from tstar_rl import FurnitureEnv
 from tstar_rl.demonstrations.collect import collect
 from tstar_rl.demonstrations.data_set import Demonstrations
+from tstar_rl.demonstrations.header import DemonstrationError
 from tstar_rl.env.task_tables import furniture_digest
 from tstar_rl.rollouts.collection import with_starts
+from tstar_rl.rollouts.episodes import run_episodes
 
 TASK, NUM_ENVS, EPISODES, NOISE, SEED = "table_lack", 3, 5, 0.1, 7
 WORLD = {"task": TASK, "subtask": 0, "nthread": 1, "velocity_scale": 0.4, "max_steps": 120}
@@ -29,6 +31,27 @@ def test_it_takes_two_rounds_and_each_has_starts_of_its_own(made):
     first = made.observations[begins]
     assert len(first.unique(dim=0)) == EPISODES
     assert (made.snapshots["task", "episode_step"][begins] == 0).all()
+
+
+@pytest.mark.parametrize("fails", ["one", "all"])
+def test_what_fails_is_no_demonstration(monkeypatch, fails):
+    succeeds = torch.tensor({"one": [[True], [False], [True]], "all": [[False]] * 3}[fails])
+
+    def some_fail(*given):
+        last = run_episodes(*given)
+        last["next", "success"] &= succeeds
+        return last
+
+    monkeypatch.setattr("tstar_rl.demonstrations.collect.run_episodes", some_fail)
+    monkeypatch.setattr("tstar_rl.demonstrations.collect.ROUNDS", 1)
+    if fails == "all":
+        with pytest.raises(
+            DemonstrationError, match="only 0 of the 1 successes wanted came of 5 rounds of 3"
+        ):
+            collect(lambda seed: with_starts(make(seed)), 1, "noisy", NOISE, SEED)
+    else:
+        found = collect(lambda seed: with_starts(make(seed)), 4, "noisy", NOISE, SEED)
+        assert len(found) == 4 and found.seeds.tolist() == [7, 7, 8, 8]
 
 
 def test_labels_are_clean_and_what_was_executed_has_noise_on_the_arm_alone(made):

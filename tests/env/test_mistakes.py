@@ -24,7 +24,9 @@ def config(*overrides: str, recipe: str = "gail_ppo"):
 
 @pytest.fixture(scope="module")
 def env():
-    return FurnitureEnv(TASK, num_envs=2, subtask=0, seed=0)
+    env = FurnitureEnv(TASK, num_envs=2, subtask=0, seed=0)
+    env.reset()
+    return env
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ import yaml
 from hydra import compose, initialize_config_dir
 from recipe_runs import load_recipe
 
+from tstar_envs import rendering
 from tstar_rl.chaining.chain import ChainPolicy, save_chain
 from tstar_rl.chaining.skill import NetworkSettings, Skill
 from tstar_rl.config.values import CONFIGS
@@ -54,7 +55,7 @@ def test_rows_films_and_config_lie_beside_each_other(recipe, call, tmp_path):
     assert config["env"]["max_steps"] == 5
     assert torch.__version__.split("+")[0] == config["versions"]["torch"].split("+")[0]  # a build may follow
     films = {path.name for path in folder.glob("*.mp4")}
-    assert films <= {"first_failure.mp4"}  # where this machine can draw
+    assert films == ({"first_failure.mp4"} if rendering.backend() else set())
     assert "first failure" in (folder / "episodes.html").read_text() and len(list(folder.glob("*.html"))) == 1
 
 
@@ -65,12 +66,16 @@ def test_a_table_that_is_not_written_leaves_a_note_of_its_world(recipe, call, tm
     values = ["modes=[deterministic]", "evaluation.episodes=2", "evaluation.recorded=0", "+env.max_steps=5"]
     values += [f"runs_dir={tmp_path / 'runs'}", f"results_dir={tmp_path / 'results'}"]
 
+    kills = []
+
     def killed(*given):
+        kills.append(given)
         raise KeyboardInterrupt
 
     monkeypatch.setattr(recipe, "append_rows", killed)
     with pytest.raises((KeyboardInterrupt, SystemExit)):
         call("evaluate", f"path={tmp_path / 'runs' / place}", *values, module=recipe)
+    assert len(kills) == 1
     config = yaml.safe_load((tmp_path / "results" / place / "config.yaml").read_text())
     assert config["env"]["max_steps"] == 5
 

@@ -41,6 +41,7 @@ def test_progress_is_the_mean_share_of_subtasks():
     )
     row = summarize(last, 4, None)
     assert row["progress"] == pytest.approx(7 / 16) and row["success"] == 0.25
+    assert (row["success_low"], row["success_high"]) == wilson_interval(1, 4)
     assert [row[f"subtask_{k}"] for k in range(4)] == [0.75, 0.5, 0.25, 0.25]
     shorter = summarize(last, 4, None, links=2)  # done: 2, 2, 1, 0 of two
     assert shorter["progress"] == pytest.approx(5 / 8) and shorter["success"] == 0.5

@@ -18,7 +18,7 @@ from tstar_rl.runs.chain_rows import terminal_state_rows
 from tstar_rl.runs.csv_tables import append_rows, rows_stay
 from tstar_rl.runs.run_config import note_evaluation
 from tstar_rl.runs.run_folder import Place, made_by, read_run_path, run_path
-from tstar_rl.seeds import EVALUATIONS, derive_seed, evaluation_seed
+from tstar_rl.seeds import EVALUATIONS, PURPOSES, derive_seed, evaluation_seed
 
 
 def test_a_run_that_begins_again_is_not_finished(tmp_path):
@@ -199,6 +199,21 @@ def test_seeds_of_different_purposes_differ():
     assert len(seeds) == 3 and derive_seed(0, "train", 1) in seeds and derive_seed(1, "train", 1) not in seeds
     with pytest.raises(ValueError, match="purpose must be one of"):
         derive_seed(0, "testing")
+
+
+def test_seeds_are_those_of_what_is_published():
+    """Another order of purposes or of evaluations would begin episodes that no table here was made of."""
+    found = {purpose: derive_seed(0, purpose, 1) for purpose in PURPOSES}
+    assert found == {
+        "train": 1683718082, "validate": 901243215, "harvest": 1961547765, "evaluate": 1531785293,
+        "demonstrate": 2040376534, "networks": 1565899405, "updates": 1749781631, "chain": 663341227,
+        "export": 1024449490, "collect": 1951628595,
+    }  # fmt: skip
+    assert {what: evaluation_seed(0, what, None) for what in EVALUATIONS} == {
+        "deterministic": 1805699211, "stochastic": 359558238, "hand_over": 529155087, "own_starts": 383253902,
+        "chain": 675086157, "influence": 729609053, "exchange": 605756676, "ways_home": 313924044,
+        "moved_parts": 41251332, "latents": 49722910,
+    }  # fmt: skip
 
 
 def test_seeds_depend_on_the_index_alone():

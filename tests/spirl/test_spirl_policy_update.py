@@ -65,6 +65,12 @@ class TestPriorRegularisedSAC:
     def test_on_numbers_worked_by_hand(self):
         # KL(N(1, 1) || N(3, 1)) = 2. V = 2 - 0.5 * 2 = 1. Targets 1 + 0.9 * 1 = 1.9 and, terminated, 1.
         loss = make_loss([1.0], [1.0], [3.0], [1.0], alpha=0.5)
+        # The second critic's 5 counts nowhere but in its own loss: of two, the smaller one is believed.
+        for name, values in loss.named_parameters():
+            if "qvalue" in name:
+                values.data.copy_(torch.tensor([[2.0], [5.0]]))
+        for values in loss.target_qvalue_network_params.values(True, True):
+            values.data.copy_(torch.tensor([[2.0], [5.0]]))
         assert_close(loss._compute_target_v2(self.batch), torch.tensor([1.9, 1.0]))
         out = loss(self.batch.clone())
         assert_close(out["loss_actor"].detach(), torch.tensor(-1.0))

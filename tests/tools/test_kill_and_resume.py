@@ -55,8 +55,8 @@ def test_a_program_that_resumes_leaves_the_same_however_often_it_is_killed(monke
 
 def test_a_program_that_does_not_resume_is_found_out(monkeypatch, tmp_path, capsys):
     subject = program(monkeypatch, tmp_path, STARTS_OVER)
-    tool.untouched(subject, tmp_path / "whole", tmp_path / "whole")
-    count = tool.torment(subject, tmp_path / "whole", tmp_path / "killed", 2, 0.4, random.Random(0))
+    seconds = tool.untouched(subject, tmp_path / "whole", tmp_path / "whole")
+    count = tool.torment(subject, tmp_path / "whole", tmp_path / "killed", 2, seconds, random.Random(0))
     assert count.kills == 2 and count.different >= 1
     assert "differs: results/table.csv" in capsys.readouterr().out
 

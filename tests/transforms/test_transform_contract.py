@@ -6,10 +6,11 @@ from torch import nn
 from torch.testing import assert_close
 from torchrl.collectors import Collector
 from torchrl.data import LazyTensorStorage, SamplerWithoutReplacement, TensorDictReplayBuffer
-from torchrl.envs import Compose, SerialEnv, StepCounter, TransformedEnv
+from torchrl.envs import Compose, SerialEnv, StepCounter, Transform, TransformedEnv
 from torchrl.envs.utils import check_env_specs
 from transform_parts import FixedStarts, Slot
 
+from tstar_rl import transforms
 from tstar_rl.rollouts.starts import MixedStarts
 from tstar_rl.spirl import LatentExecution
 from tstar_rl.transforms import (
@@ -44,6 +45,12 @@ TRANSFORMS = {
     "LatentExecution": (lambda: LatentExecution(repeat, 9, 2, latent_key="action"), "latent_steps", False),
 }
 contract = pytest.mark.parametrize("name", TRANSFORMS)
+
+
+def test_the_contract_is_that_of_every_transform():
+    ours = {name for name in transforms.__all__ if isinstance(getattr(transforms, name), type)}
+    ours = {name for name in ours if issubclass(getattr(transforms, name), Transform)}
+    assert ours - {"RewardTransform"} | {"LatentExecution"} == {name.split()[0] for name in TRANSFORMS}
 
 
 @contract
