@@ -6,7 +6,9 @@ import signal
 import sys
 import threading
 import time
+from contextlib import suppress
 from functools import partial
+from pathlib import Path
 
 import pandas as pd
 import pytest
@@ -208,7 +210,7 @@ def test_a_recipe_whose_worker_is_killed_goes_on_elsewhere(cluster, demonstratio
     running.start()
     while running.is_alive() and not (file.is_file() and len(file.read_text().splitlines()) > 4):
         time.sleep(0.02)
-    os.kill(_process_of("gail_ppo"), signal.SIGKILL)
+    os.kill(_process_of("gail_ppo", tmp_path), signal.SIGKILL)
     running.join()
     assert file.read_bytes() == metrics(tmp_path, "whole").read_bytes()
 
@@ -229,11 +231,13 @@ def test_the_same_recipe_collects_on_a_cluster(demonstrations, tmp_path):
     assert table.env_steps.iloc[-1] == 1024 and table.kl.notna().all()
 
 
-def _process_of(name: str) -> int:
-    """The worker that runs the task of that name (Ray writes it into the process's title)."""
-    for folder in os.listdir("/proc"):
-        if folder.isdigit():
-            with open(f"/proc/{folder}/cmdline", "rb") as file:
-                if file.read().startswith(f"ray::{name}".encode()):
-                    return int(folder)
-    raise AssertionError(f"no worker runs {name}")
+def _process_of(name: str, folder: Path) -> int:
+    """The worker that runs the task of that name (Ray writes it into the process's title) on files below a folder."""
+    for process in filter(str.isdigit, os.listdir("/proc")):
+        place = Path("/proc", process)
+        with suppress(OSError):  # it has ended, or is another user's
+            if place.joinpath("cmdline").read_bytes().startswith(f"ray::{name}".encode()):
+                opened = [os.readlink(each) for each in place.joinpath("fd").iterdir()]
+                if any(file.startswith(f"{folder}/") for file in opened):
+                    return int(process)
+    raise AssertionError(f"no worker runs {name} on {folder}")
