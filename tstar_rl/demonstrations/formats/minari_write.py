@@ -16,7 +16,7 @@ import torch
 from tstar_rl.checks import InvalidValueError, import_extra
 from tstar_rl.demonstrations.formats.recording import Episode, Recording
 from tstar_rl.demonstrations.formats.states import StateLayout
-from tstar_rl.runs.files import put_back, remove_remains, replace_folder
+from tstar_rl.runs.files import put_back, remove_remains, replace_folder, turn_to_write
 from tstar_rl.runs.mismatch import differences
 
 __all__ = ["ROOT", "data_set_of_another_world", "write_minari"]
@@ -64,14 +64,15 @@ def write_minari(recording: Recording, dataset_id: str, root: str | Path) -> Pat
         ) from error
     root = Path(root).resolve()
     root.mkdir(parents=True, exist_ok=True)
-    put_back(root / dataset_id)
-    remove_remains(root / dataset_id)
     writing = f".writing-{dataset_id.replace('/', '_')}-"
-    for left in root.glob(f"{writing}*"):
-        shutil.rmtree(left, ignore_errors=True)
-    with tempfile.TemporaryDirectory(dir=root, prefix=writing) as folder, _datasets_in(folder):
-        _create(recording, dataset_id)
-        _move(Path(folder), root, dataset_id)
+    with turn_to_write(root):  # what another process is writing is no remains
+        put_back(root / dataset_id)
+        remove_remains(root / dataset_id)
+        for left in root.glob(f"{writing}*"):
+            shutil.rmtree(left, ignore_errors=True)
+        with tempfile.TemporaryDirectory(dir=root, prefix=writing) as folder, _datasets_in(folder):
+            _create(recording, dataset_id)
+            _move(Path(folder), root, dataset_id)
     return root / dataset_id
 
 
