@@ -15,8 +15,7 @@ from tstar import main as tstar
 
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.config.build import environment, load_demonstrations
-from tstar_rl.config.chain import turn_shape
-from tstar_rl.config.ranges import chain_length
+from tstar_rl.config.ranges import chain_length, turn_shape
 from tstar_rl.runs.run_folder import run_path
 from tstar_rl.seeds import derive_seed
 

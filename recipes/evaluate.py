@@ -27,14 +27,15 @@ from tstar_rl.config.pretrained import check_same_chain, take_pretrained
 from tstar_rl.config.recovery import chain_policy
 from tstar_rl.config.values import plain
 from tstar_rl.config.worlds import check_world
-from tstar_rl.launch.asked_checkpoints import SPENT, Found, find_checkpoints, spent_on
+from tstar_rl.launch.asked_checkpoints import Found, find_checkpoints, spent_on
 from tstar_rl.launch.evaluations import check_evaluation
-from tstar_rl.launch.run_folders import begun_with, ended_since, evaluated_runs, run_folder
+from tstar_rl.launch.run_folders import of_an_earlier_training, run_folder
 from tstar_rl.rollouts.episodes import evaluate, same_policy
 from tstar_rl.rollouts.recorder import Recorder
 from tstar_rl.runs.csv_tables import append_rows, rows_stay
+from tstar_rl.runs.files import turn_to_write
 from tstar_rl.runs.run_config import note_evaluation
-from tstar_rl.runs.run_folder import is_untrained, run_path
+from tstar_rl.runs.run_folder import SPENT, is_untrained, run_path
 from tstar_rl.seeds import evaluation_seed
 from tstar_rl.shipped.chain import ShippedChain
 
@@ -59,7 +60,7 @@ def main(config: DictConfig) -> None:
     """Evaluates, prints the table and adds it to evaluation.csv."""
     results, candidates = _candidates(config, HydraConfig.get().overrides.task)
     check_evaluation(results, plain(config))
-    rows, policies, film = [], {}, config.video and config.evaluation.recorded != 0
+    rows, policies, films, film = [], {}, [], config.video and config.evaluation.recorded != 0
     for name, (policy, subtask, links, spent) in candidates.items():
         number = config.evaluation.episodes if subtask is not None else config.evaluation.whole_episodes
         same = next((other for other, known in policies.items() if same_policy(policy, known)), None)
@@ -78,15 +79,19 @@ def main(config: DictConfig) -> None:
             if isinstance(policy, RecoveringChain):
                 row["homings"] = float(policy.homings.double().mean())
             rows.append({"checkpoint": name, "mode": mode, **row, **spent, "seed": config.seed})
-            recorder.write(results)
+            films += [recorder] if film else []
             env.close()
             film = False  # the first checkpoint's first mode alone
     file = results / "evaluation.csv"
+    check_evaluation(results, plain(config))  # another one may have ended meanwhile
     _forget_older(file, config)
     # First: a table whose world nobody noted would pass for any.
     note_evaluation(results, plain(config), rows_stay(file, rows, KEY))
     print(append_rows(file, rows, KEY).round(3).to_string(index=False))
     print(file)
+    with turn_to_write(results):
+        for recorder in films:
+            recorder.write(results)
     for policy in policies.values():
         if isinstance(policy, ShippedChain):
             print(*(policy.compare(row, plain(config)["env"]) for row in rows), sep="\n")
@@ -95,7 +100,7 @@ def main(config: DictConfig) -> None:
 def _forget_older(table: Path, config: DictConfig) -> None:
     """Deletes a table of an earlier training, whose rows would stand beside the new ones."""
     of_a_run = config.pretrained is None and table.parent == run_folder(config, "results_dir")
-    if of_a_run and table.is_file() and ended_since(table, evaluated_runs(config)):
+    if of_a_run and table.is_file() and of_an_earlier_training(table, config):
         print(f"{table} was of an earlier training: its rows are dropped")
         table.unlink()
 
@@ -115,17 +120,16 @@ def _candidates(config: DictConfig, given: Iterable[str]) -> tuple[Path, dict[st
         check_same_chain(results := run_folder(config, "results_dir"), config)
         return results, {chain.record["checkpoint"]: one}
     results, checkpoints = find_checkpoints(config, given)
-    skills, _ = begun_with(results, config)
-    return results, {name: _trained(config, skills, found) for name, found in checkpoints.items()}
+    return results, {name: _trained(config, results, found) for name, found in checkpoints.items()}
 
 
-def _trained(config: DictConfig, begun_with: str, found: Found) -> Candidate:
+def _trained(config: DictConfig, results: Path, found: Found) -> Candidate:
     """One skill, or a chain, in its own world."""
     for index, folder in enumerate(found.folders):
         skill = run_path(config.results_dir, config.task.name, config.skills, config.seed, index)
         check_world(config, folder, skill if is_untrained(config.system) else None)
     skills = [load_skill(folder, task=config.task.name) for folder in found.folders]
-    spent = spent_on(config, begun_with, found)
+    spent = spent_on(config, results, found)
     if not found.chain:
         return Candidate(skills[0].policy.to(config.device), skills[0].subtask, None, spent)
     check_links(config, len(skills))

@@ -25,7 +25,7 @@ from tstar_rl.config.load import recipe
 from tstar_rl.config.seams import chain_of, env_at_seam
 from tstar_rl.intervals import share_columns
 from tstar_rl.launch.evaluations import check_chain
-from tstar_rl.launch.run_folders import begun_with, run_folder
+from tstar_rl.launch.run_folders import begun_with, check_skills_stay, run_folder
 from tstar_rl.runs.csv_tables import append_rows
 from tstar_rl.seams.exchange import exchange_skills
 from tstar_rl.seeds import evaluation_seed
@@ -49,6 +49,7 @@ def main(config: DictConfig) -> None:
                 f"from_checkpoint must be null, got {asked}: the training of {config.system} noted that it began from "
                 f"{config.from_checkpoint}"
             )
+        check_skills_stay(config, run_folder(config, "results_dir"), len(after))
         before = skills_as_they_are(config, config.from_checkpoint)
     else:
         check_chain(config, config.against)

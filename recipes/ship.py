@@ -22,7 +22,7 @@ from tstar_rl.config.load import recipe
 from tstar_rl.config.recovery import refuse_recovery
 from tstar_rl.config.values import plain
 from tstar_rl.launch.overrides import chosen_scale
-from tstar_rl.launch.run_folders import ended_since, evaluated_runs, run_folder
+from tstar_rl.launch.run_folders import evaluated_runs, of_an_earlier_training, run_folder
 from tstar_rl.runs.csv_tables import read_table
 from tstar_rl.runs.mismatch import CheckpointMismatchError, differences
 from tstar_rl.runs.run_config import read_config
@@ -98,7 +98,7 @@ def _figures_of(results: Path, config: DictConfig) -> dict[str, dict[str, float]
         )
     shares = [name for name in rows if name.startswith("subtask_")]
     columns = [*FIGURES, *shares, *(name for name in ("env_steps", "minutes") if name in rows)]
-    if ended_since(file, evaluated_runs(config)):
+    if of_an_earlier_training(file, config):
         raise CheckpointMismatchError(
             f"{file} is of an earlier training: evaluate this one first, python recipes/evaluate.py {asked}"
         )

@@ -16,9 +16,11 @@ def main(config: DictConfig) -> None:
     values, seed = config.spirl, rl.derive_seed(config.seed, "train", config.subtask)
     agent, expert = rl.new_spirl_agent(config, config.subtask), rl.load_demonstrations(config, config.subtask)
     agent.normalizer.fit(expert.observations, config.normalizer.floor)
+    horizon, latent_dim = agent.settings.horizon, agent.settings.latent_dim
+    fit = rl.settings(spirl.ModelTrainingSettings, values.model_training)
+    windows = spirl.split_windows(expert, horizon, fit)
     update_policy = spirl.LatentPolicyUpdate(agent, rl.settings(spirl.LatentPolicySettings, values.policy))
     reward, buffer = rl.settings(rl.RewardMixture, config.reward), spirl.new_buffer(values.capacity)
-    horizon, latent_dim = agent.settings.horizon, agent.settings.latent_dim
     env = rl.environment(config, config.subtask, values.num_envs, seed, max_steps=values.max_steps)
     env.append_transform(spirl.LatentExecution(agent.model.decoder, latent_dim, horizon))
     training = spirl.SpirlTraining(
@@ -26,8 +28,6 @@ def main(config: DictConfig) -> None:
     )
 
     if training.is_new:  # stage 1: q(z | a), p(a | z, s) and the prior p(z | s)
-        fit = rl.settings(spirl.ModelTrainingSettings, values.model_training)
-        windows = spirl.split_windows(expert, horizon, fit)
         for log in spirl.train_latent_model(agent.model, *windows, fit, seed):
             training.log_model(log)
         agent.start_from_prior()

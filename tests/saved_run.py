@@ -1,5 +1,6 @@
 """A run of one small module, and what it leaves."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import torch
@@ -13,6 +14,7 @@ def a_run(
     trials: bool = False,
     unread: tuple[str, ...] = (),
     subtask: int | None = None,
+    notes: Mapping[str, object] | None = None,
     **values,
 ) -> Run:
     config = {
@@ -23,7 +25,7 @@ def a_run(
         "progress_bar": False,
     }
     places = {"results_dir": str(folder / "results"), "runs_dir": str(folder / "runs")}
-    return Run({**config, **places, **values}, subtask, trials=trials, unread=unread)
+    return Run({**config, **places, **values}, subtask, trials=trials, unread=unread, notes=notes)
 
 
 def contents(folder: Path) -> dict[str, bytes]:

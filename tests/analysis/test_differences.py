@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tstar_rl.analysis.differences import holm, paired_difference
+from tstar_rl.analysis.differences import difference_of, holm, paired_difference, student_half
 
 
 def rng() -> np.random.Generator:
@@ -59,3 +59,11 @@ def test_holm_by_hand():
     assert holm([0.03, 0.01, 0.04, 0.02]) == pytest.approx([0.06, 0.04, 0.06, 0.06])
     assert holm([0.4, 0.9]) == pytest.approx([0.8, 0.9]) and holm([0.7, 0.9, 0.8]).max() == 1.0
     assert holm([0.2]) == pytest.approx([0.2]) and len(holm([])) == 0
+
+
+def test_a_few_equal_values_have_no_students_interval_and_many_have_one_of_no_width():
+    """The same rule wherever one stands: `difference_of` says of arms that did the same that they did."""
+    assert math.isnan(student_half(np.full(5, 0.3))) and student_half(np.full(6, 0.3)) == 0
+    assert math.isnan(student_half(np.zeros(3))) and student_half(np.array([0.3, 0.3, 0.4])) > 0
+    found = difference_of(np.zeros(3), np.zeros(10))
+    assert (found.t_half, found.p_value, found.verdict()) == (0.0, 1.0, "no clear difference")

@@ -37,9 +37,18 @@ def test_what_was_said_against_what_happened_by_hand(judged):
 def test_the_page_has_its_table_and_its_figure(judged):
     page = results_page(judged, THEIRS, "")
     assert "#### Calibration" in page
-    assert "| T-STAR | 2 | 0.75 | 0.20 | 0.25 | 0.25 |" in page
+    assert "| T-STAR | 2 | 2 | 0.75 | 0.20 | 0.25 | 0.25 |" in page
     drawn = draw_page(judged, THEIRS, judged / "figures")
     assert judged / "figures" / "odd_table_calibration.png" in drawn and "odd_table_calibration.png" in page
+
+
+def test_a_turn_after_which_all_outcomes_were_alike_is_not_behind_the_auc(judged):
+    file = judged / "odd/table/tstar/seed3/metrics.csv"
+    turns = pd.read_csv(file)
+    more = turns.iloc[:1].assign(env_steps=3, d_omega_auc=None, d_omega_brier=0.5)
+    pd.concat([turns, more]).to_csv(file, index=False)
+    line = calibration_of_arms(read_metrics(judged / "odd"), "table").loc["tstar", "d_omega"]
+    assert line[["told", "auc"]].tolist() == [2, 0.75] and line["brier"] == pytest.approx((0.3 + 0.3) / 2)
 
 
 def test_two_signals_of_an_arm_stand_apart(judged):
@@ -51,8 +60,8 @@ def test_two_signals_of_an_arm_stand_apart(judged):
         both = pd.concat([bins, bins.assign(signal="mine", outcome=0.5)])
         both.to_csv(place / "calibration.csv", index=False)
     page = results_page(judged, THEIRS, "")
-    assert "| T-STAR: d omega | 2 | 0.75 | 0.20 | 0.25 | 0.25 |" in page
-    assert "| T-STAR: mine | 2 | 0.70 | 0.15 | 0.25 | 0.20 |" in page
+    assert "| T-STAR: d omega | 2 | 2 | 0.75 | 0.20 | 0.25 | 0.25 |" in page
+    assert "| T-STAR: mine | 2 | 2 | 0.70 | 0.15 | 0.25 | 0.20 |" in page
     found = pooled(read_calibration(judged / "odd")).groupby("signal")["outcome"].agg(list)
     assert found["mine"] == [0.5, 0.5] and found["d_omega"][0] == 0.0
     draw_page(judged, THEIRS, judged / "figures")
@@ -64,7 +73,7 @@ def test_the_rate_of_success_is_no_yardstick_for_a_share_of_the_rest(judged):
         (judged / f"odd/table/tstar/seed{seed}/config.yaml").write_text(
             f"label: share\nversions: {{commit: {COMMIT}}}\n"
         )
-    assert "| T-STAR | 2 | 0.75 | 0.20 | - | 0.25 |" in results_page(judged, THEIRS, "")
+    assert "| T-STAR | 2 | 2 | 0.75 | 0.20 | - | 0.25 |" in results_page(judged, THEIRS, "")
 
 
 def test_bins_are_those_that_a_recipe_writes():
@@ -77,7 +86,7 @@ def test_a_chain_that_recovers_is_judged_without_turns(judged):
         said = {"feasibility_auc": 0.8, "feasibility_brier": 0.1, "feasibility_ece": 0.05}
         row = {"env_steps": 9, "skill": 1, "handed": 8, "next_success": 0.25, **said}
         pd.DataFrame([row]).to_csv(judged / f"odd/table/tstar/seed{seed}/metrics.csv", index=False)
-    assert "| T-STAR | 2 | 0.80 | 0.10 | 0.19 | 0.05 |" in results_page(judged, THEIRS, "")
+    assert "| T-STAR | 2 | 2 | 0.80 | 0.10 | 0.19 | 0.05 |" in results_page(judged, THEIRS, "")
 
 
 def test_an_experiment_without_signals_has_no_such_part(published):

@@ -146,13 +146,20 @@ def test_a_reader_of_the_help_may_stop_early(unbuffered):
 
 
 def test_a_recipe_of_another_checkout_does_not_run_with_this_ones_code(tmp_path):
-    (tmp_path / "tstar_rl").mkdir()
     (tmp_path / "recipes").mkdir()
     copy = tmp_path / "recipes" / "bc.py"
     copy.write_text(Path(command("bc")[1]).read_text())
-    found = subprocess.run(
-        [sys.executable, str(copy), "--help"], capture_output=True, text=True, env=environ()
-    )
+    package = tmp_path / "tstar_rl"
+    (package / "tstar_rl").mkdir(parents=True)  # a clone beside a user's own folder of recipes
+
+    def help_of_copy() -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [sys.executable, str(copy), "--help"], capture_output=True, text=True, env=environ()
+        )
+
+    assert help_of_copy().returncode == 0
+    (package / "__init__.py").write_text("")
+    found = help_of_copy()
     assert found.returncode == 1 and "Traceback" not in found.stderr
     assert f"would run with the code of {Path(__file__).parents[2]}" in found.stderr
     assert f"PYTHONPATH={tmp_path}:{tmp_path}/envs" in found.stderr

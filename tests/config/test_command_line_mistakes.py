@@ -104,6 +104,8 @@ MISTAKES = [
     ("spirl", ["subtask=0", "+env.max_steps=60"], "env.max_steps is not read in training: .* is spirl.max_steps"),
     ("assemble", ["system=mine"], "system must be left out, got mine: assemble starts other recipes, each of which"),
     ("experiment", ["system=mine"], "system must be left out, got mine: experiment starts"),
+    ("assemble", ["skills=bc"], "skills must be left out, got bc: assemble starts other recipes, and says"),
+    ("tstar", ["chain.steps_per_turn=16384", "chain.rounds=1"], "no policy would be trained: 1 turns of .* 1 rollouts"),
     ("gail_ppo", ["subtask=0", "demonstrations.seed=-1"], "demonstrations.seed must be a whole number from 0, got -1"),
     ("plot", ["results_dir=/tmp/a=b"], "cannot read .*, and a value with other characters in quotes: \"key='a=b,c'\""),
     ("tstar", ["+env.max_steps=60"], "the time limit there is training.max_steps and chain.trial_max_steps"),

@@ -48,7 +48,10 @@ def test_every_recipe(name):
 @pytest.mark.parametrize("name", ["gail_ppo", "in_order", "tstar"])
 def test_every_scale(name):
     for scale in SCALES:
-        checked(name, f"scale={scale}", "task=chair_ingolf")
+        # in_order lets the critic alone learn from 16 rollouts, which on a GPU are longer than its turns.
+        longer = name == "in_order" and scale.endswith("gpu")
+        own = ["chain.ppo.critic_warmup=1"] if longer else []
+        checked(name, f"scale={scale}", "task=chair_ingolf", *own)
 
 
 @pytest.mark.slow

@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 from pathlib import Path
 
 import pytest
@@ -9,8 +10,12 @@ from hydra import compose, initialize_config_dir
 
 from tstar_rl.chaining.chain import save_chain
 from tstar_rl.chaining.skill import NetworkSettings, Skill
-from tstar_rl.config.values import CONFIGS
+from tstar_rl.config.values import CONFIGS, plain
 from tstar_rl.launch.asked_checkpoints import find_checkpoints, spent_on
+from tstar_rl.launch.run_folders import check_skills_stay, of_an_earlier_training
+from tstar_rl.runs.csv_tables import append_rows
+from tstar_rl.runs.mismatch import CheckpointMismatchError
+from tstar_rl.runs.run_config import write_config
 
 CHAIN = ["last/skill0", "last/skill1"]
 
@@ -63,7 +68,7 @@ def test_system_and_seed_are_those_of_the_path(made, given):
     assert list(found) == ["last"]
     run = made / "runs" / "table_lack" / "tstar" / "seed1"
     assert [folder.resolve() for folder in found["last"].folders] == [run / one for one in CHAIN]
-    assert spent_on(config, "gail_ppo", found["last"]) == {"env_steps": 1020, "minutes": 102}
+    assert spent_on(config, results, found["last"]) == {"env_steps": 1020, "minutes": 102}
 
 
 @pytest.mark.parametrize("results", ["results/gpu", "runs/quick/results", "runs"])
@@ -88,7 +93,7 @@ def test_skills_chained_as_they_are_have_results_but_no_run(made):
     config, results, found = places(f"path={path}", "chain.links=2")
     skills = [Path(f"runs/table_lack/gail_ppo/seed1/subtask{index}/last") for index in range(2)]
     assert results == Path(path) and found == {"last": (skills, True)}
-    assert spent_on(config, "gail_ppo", found["last"]) == {"env_steps": 20, "minutes": 2}
+    assert spent_on(config, results, found["last"]) == {"env_steps": 20, "minutes": 2}
 
 
 def test_a_path_that_is_one_checkpoint_is_of_no_other(made):
@@ -103,9 +108,7 @@ def test_one_skill_of_a_chain_and_a_folder_of_no_run(made):
     config, results, found = places("path=runs/table_lack/tstar/seed1/last/skill1")
     assert config.seed == 1 and list(found) == ["skill1"] and not found["skill1"].chain
     assert results == Path("results/table_lack/tstar/seed1/last")
-    assert all(map(math.isnan, spent_on(config, "gail_ppo", found["skill1"]).values())), (
-        "of all skills' turns"
-    )
+    assert all(map(math.isnan, spent_on(config, results, found["skill1"]).values())), "of all skills' turns"
     (made / "runs" / "table_lack" / "tstar" / "seed1").rename(made / "mine")
     config, results, found = places("path=mine/last", "seed=3")
     assert config.seed == 3 and results == Path("mine")
@@ -132,3 +135,35 @@ def test_one_skill_of_a_chain_and_a_folder_of_no_run(made):
 def test_another_run_than_asked_for_is_refused(made, given, message):
     with pytest.raises((ValueError, FileNotFoundError), match=message):
         places(*given)
+
+
+def test_a_chain_took_what_its_skills_had_taken_when_it_began_with_them(made):
+    config, results, found = places("path=runs/table_lack/tstar/seed1/last")
+    write_config(results, plain(config) | {"skills_took": {"env_steps": 7, "minutes": 0.5}})
+    assert spent_on(config, results, found["last"]) == {"env_steps": 1007, "minutes": 100.5}
+    with pytest.raises(
+        CheckpointMismatchError, match="took 7 steps in 0.500 minutes; .* now took 20 in 2.000"
+    ):
+        check_skills_stay(config, results, 2)
+    write_config(results, plain(config) | {"skills_took": {"env_steps": 20, "minutes": 2}})
+    check_skills_stay(config, results, 2)
+    write_config(results, plain(config))  # an older chain, which noted nothing
+    check_skills_stay(config, results, 2)
+
+
+@pytest.mark.parametrize("system", ["tstar", "no_finetuning", "gail_ppo"])
+def test_a_copy_of_an_evaluation_whose_times_are_other_ones_is_of_the_training_beside_it(made, system):
+    subtask = ["subtask=1"] if system == "gail_ppo" else []
+    config, results, found = places(f"system={system}", "seed=1", "task.subtasks=2", *subtask)
+    row = spent_on(config, results, found["last"]) | {"seed": 1}
+    table = results / "evaluation.csv"
+    append_rows(table, [row], ("seed",))
+    os.utime(table, (1, 1))
+    assert not of_an_earlier_training(table, config)
+    append_rows(table, [row | {"minutes": row["minutes"] + 1e-3}], ("seed",))
+    assert not of_an_earlier_training(table, config), "it was written after the runs had ended"
+    os.utime(table, (1, 1))
+    assert of_an_earlier_training(table, config)
+    append_rows(table, [{"seed": 1}], ("seed",))
+    os.utime(table, (1, 1))
+    assert of_an_earlier_training(table, config), "it does not say what it took"

@@ -59,6 +59,17 @@ def test_rows_films_and_config_lie_beside_each_other(recipe, call, tmp_path):
     assert "first failure" in (folder / "episodes.html").read_text() and len(list(folder.glob("*.html"))) == 1
 
 
+def test_an_evaluation_whose_films_fail_is_not_lost(recipe, call, tmp_path, monkeypatch):
+    place = Path("table_lack/mine/seed4/subtask2")
+    Skill("table_lack", 2, NetworkSettings(hidden=(8,), std="fixed")).save(tmp_path / "runs" / place / "last")
+    values = ["modes=[deterministic]", "evaluation.episodes=2", "+env.max_steps=5"]
+    values += [f"runs_dir={tmp_path / 'runs'}", f"results_dir={tmp_path / 'results'}"]
+    monkeypatch.setattr(recipe.Recorder, "write", lambda *_: (_ for _ in ()).throw(OSError(5, "no film")))
+    with pytest.raises((OSError, SystemExit)):
+        call("evaluate", f"path={tmp_path / 'runs' / place}", *values, module=recipe)
+    assert pd.read_csv(tmp_path / "results" / place / "evaluation.csv")["episodes"].tolist() == [2]
+
+
 def test_a_table_that_is_not_written_leaves_a_note_of_its_world(recipe, call, tmp_path, monkeypatch):
     """The other way round a kill between the two would leave rows that pass for those of any world."""
     place = Path("table_lack/mine/seed4/subtask2")

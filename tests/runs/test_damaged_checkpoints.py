@@ -2,13 +2,14 @@
 
 import collections
 import importlib.util
+import os
 import shutil
 from pathlib import Path
 
 import pytest
 import torch
 
-from tstar_rl.runs import checkpoint
+from tstar_rl.runs import checkpoint, files
 from tstar_rl.runs.checksums import DamagedCheckpointError
 
 spec = importlib.util.spec_from_file_location(
@@ -84,3 +85,44 @@ def test_what_a_killed_process_left_is_removed_by_the_next_save(tmp_path):
     checkpoint.save(tmp_path / "best", {"module": module}, {})
     checkpoint.save_step(tmp_path, 2, {"module": module}, {})
     assert sorted(path.name for path in tmp_path.iterdir()) == [other, "best", "checkpoint-000000000002"]
+
+
+def test_a_place_is_taken_as_it_is_written_also_where_it_looks_like_the_home_folder(tmp_path, monkeypatch):
+    """A shell has put the home folder in the place of a ~ before; one in quotes is a name like any other."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    module = torch.nn.Linear(1, 1)
+    checkpoint.save(Path("~/last"), {"module": module}, {"a": 1})
+    checkpoint.save_step(Path("~/steps"), 7, {"module": module}, {"a": 2})
+    newest = checkpoint.latest(Path("~/steps"))
+    for place, record in ((Path("~/last"), {"a": 1}), (newest, {"a": 2})):
+        loaded = torch.nn.Linear(1, 1)
+        assert checkpoint.load(place, {"module": loaded}) == record
+        assert torch.equal(loaded.weight, module.weight)
+    assert not (tmp_path / "home").exists()
+
+
+def test_a_checkpoint_is_on_the_disk_before_the_one_before_it_goes(tmp_path, monkeypatch):
+    done: list[tuple[str, Path]] = []
+    real = {"fsync": os.fsync, "replace": os.replace}
+
+    def fsync(handle: int) -> None:
+        done.append(("written", Path(os.readlink(f"/proc/self/fd/{handle}"))))
+        real["fsync"](handle)
+
+    def replace(source, destination) -> None:
+        done.append(("placed", Path(source)))
+        real["replace"](source, destination)
+
+    checkpoint.save_step(tmp_path, 1, {"module": torch.nn.Linear(1, 1)}, {})
+    monkeypatch.setattr(files.os, "fsync", fsync)
+    monkeypatch.setattr(files.os, "replace", replace)
+    checkpoint.save_step(tmp_path, 2, {"module": torch.nn.Linear(1, 1)}, {})
+    (newest,) = tmp_path.glob("checkpoint-*")
+    (stage,) = (
+        path for what, path in done if what == "placed" and path.name.startswith(f".{newest.name}.new-")
+    )
+    written = [path for what, path in done[: done.index(("placed", stage))] if what == "written"]
+    made = {stage, *(stage / path.relative_to(newest) for path in newest.rglob("*"))}
+    assert len(made) > 4 and made <= set(written)
+    assert ("written", tmp_path) in done[done.index(("placed", stage)) :]

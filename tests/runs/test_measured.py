@@ -98,3 +98,13 @@ def test_a_damaged_table_is_named_and_the_run_before_stays(tmp_path):
         run.start()
     assert (run.work / "last").is_dir() and (run.work / "checkpoints").is_dir()
     assert (run.work / "finished.json").is_file()
+
+
+def test_films_and_pictures_of_a_run_go_too_and_a_table_of_the_users_own_stays(tmp_path):
+    run = a_run(tmp_path, resume=False)
+    for name in ("first_success.mp4", "first_failure.mp4", "episodes.html", "latents.png", "mine.png"):
+        (run.results / name).write_text("")
+    (tmp_path / "results/table/exchanged_means.csv").write_text("arm,mean\na,1\n")
+    run.start()
+    assert sorted(file.name for file in run.results.iterdir()) == ["config.yaml", "lock", "mine.png"]
+    assert (tmp_path / "results/table/exchanged_means.csv").is_file()

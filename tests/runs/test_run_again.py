@@ -175,3 +175,46 @@ def test_the_config_of_an_evaluation_alone_is_no_run_to_go_on_with(tmp_path):
     note_evaluation(tmp_path / "results/table/chain/seed0", {"size": 1})
     a_run(tmp_path, size=2).start()
     assert read_config(tmp_path / "results/table/chain/seed0")["size"] == 2
+
+
+def test_two_recipes_that_were_given_one_system_do_not_go_on_with_each_other(tmp_path):
+    """One that noted no recipe may be of any: an older run, or a program that makes its config itself."""
+    run = a_run(tmp_path, recipe="bc")
+    run.start(module=torch.nn.Linear(1, 1))
+    run.log(10)
+    run.save_if_due(0)
+    (run.work / "last").mkdir()
+    run.finish()
+    for system in ("gail_ppo", "mine"):
+        with pytest.raises(CheckpointMismatchError, match=f"recipe was 'bc' .*, and is '{system}' now"):
+            a_run(tmp_path, recipe=system).start(module=torch.nn.Linear(1, 1))
+    for same in ({"recipe": "bc"}, {}):
+        with pytest.raises(NothingToDo):
+            a_run(tmp_path, **same).start(module=torch.nn.Linear(1, 1))
+    older = a_run(tmp_path / "older")
+    older.start()
+    older.finish()
+    (older.work / "last").mkdir()
+    with pytest.raises(NothingToDo):
+        a_run(tmp_path / "older", recipe="bc").start()
+
+
+def test_what_was_trained_is_not_deleted_where_the_rest_of_its_run_was_not_copied(tmp_path):
+    run = a_run(tmp_path)
+    checkpoint.save(run.work / "last", {"module": torch.nn.Linear(1, 1)}, {})
+    before = contents(tmp_path)
+    with pytest.raises(MissingFileError, match="neither finished.json nor checkpoints .*resume=false starts"):
+        run.start(module=torch.nn.Linear(1, 1))
+    assert contents(tmp_path) == before
+    a_run(tmp_path, resume=False).start(module=torch.nn.Linear(1, 1))
+    assert not (run.work / "last").exists()
+
+
+def test_a_run_notes_what_it_is_told_when_it_begins_anew(tmp_path):
+    for steps, resume in ((1, True), (2, True), (3, False)):
+        run = a_run(tmp_path, resume=resume, notes={"skills_took": {"env_steps": steps}})
+        run.start()
+        run.log(10)
+        run.save_if_due(0)
+        run.finish()
+        assert read_config(run.results)["skills_took"] == {"env_steps": 1 if resume else 3}

@@ -22,9 +22,10 @@ def calibration_of_arms(metrics: pd.DataFrame, task: str, shares: Collection[str
         shares: arms whose signal predicts how much of the rest is done, not whether the next skill succeeds.
 
     Returns:
-        Index arm and signal; means over turns, then over seeds. Columns seeds, auc, brier, ece and rate, the Brier
-        score of saying of every state how often the next skill succeeded in that trial: nan for `shares`, which are
-        judged against something else.
+        Index arm and signal; means over turns, then over seeds. Columns seeds, auc, told (the turns behind it, of all
+        seeds: those after which the next skill both succeeded and failed), brier, ece and rate, the Brier score of
+        saying of every state how often the next skill succeeded in that trial: nan for `shares`, which are judged
+        against something else.
     """
     signals = [str(name).removesuffix(BRIER) for name in metrics if str(name).endswith(BRIER)]
     lines = {}
@@ -37,7 +38,8 @@ def calibration_of_arms(metrics: pd.DataFrame, task: str, shares: Collection[str
             seeds = mine.groupby("seed")[named].mean()
             values = dict(zip((*COLUMNS, "rate"), seeds.mean(), strict=True))
             values["rate"] = math.nan if arm in shares else values["rate"]
-            lines[str(arm), signal] = {"seeds": len(seeds), **values}
+            told = int(mine[f"{signal}_auc"].notna().sum())
+            lines[str(arm), signal] = {"seeds": len(seeds), "told": told, **values}
     return pd.DataFrame(list(lines.values()), index=pd.MultiIndex.from_tuples(lines, names=["arm", "signal"]))
 
 

@@ -88,9 +88,11 @@ def difference_of(values: Array, draws: Array) -> Difference:
     both arms did the same, which Student's test says.
     """
     mean, number = float(values.mean()), len(values)
-    if np.ptp(values.round(DIGITS)) == 0 and np.round(mean, DIGITS):
-        agreed = (0.0, 2 * 0.5**number) if number >= AGREED else (math.nan, math.nan)
-        return Difference(mean, *interval_ends(draws), *agreed, number)
+    if number > 1 and _agree(values):
+        few = (math.nan, math.nan) if number < AGREED else (0.0, 2 * 0.5**number)
+        return Difference(
+            mean, *interval_ends(draws), *(few if np.round(mean, DIGITS) else (0.0, 1.0)), number
+        )
     return Difference(mean, *interval_ends(draws), student_half(values), student_p(values), number)
 
 
@@ -106,10 +108,18 @@ def outer_ends(value: float, low: float, high: float, t_half: float) -> tuple[fl
     return min(low, value - half), max(high, value + half)
 
 
+def _agree(values: Array) -> bool:
+    return bool(np.ptp(values.round(DIGITS)) == 0)
+
+
 def student_half(values: Array) -> float:
-    """Half of Student's 95% interval of a mean over seeds; nan of one seed. Source: Student 1908."""
+    """Half of Student's 95% interval of a mean over seeds. Source: Student 1908.
+
+    It is nan of one seed, and of fewer than `AGREED` that all have one value: that a few do not vary is no measurement
+    of how far others would lie.
+    """
     number = len(values)
-    if number < 2:
+    if number < 2 or (number < AGREED and _agree(values)):
         return math.nan
     return float(student.ppf(0.975, number - 1)) * (float(values.std(ddof=1)) / math.sqrt(number))
 

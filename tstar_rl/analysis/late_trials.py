@@ -12,6 +12,8 @@ __all__ = ["late_trials"]
 def late_trials(metrics: pd.DataFrame, task: str, earlier: int) -> pd.DataFrame:
     """A line for each arm with more than `earlier` rounds. Of a round only the trial after its last turn counts.
 
+    A round after which not every seed has a trial does not count; an arm has no line where round `earlier` is one.
+
     Args:
         metrics: of `read_metrics`.
         task: of the chains.
@@ -21,7 +23,7 @@ def late_trials(metrics: pd.DataFrame, task: str, earlier: int) -> pd.DataFrame:
         Index arm; columns seeds, rounds (of the seed with the fewest; of the others as many count), last (progress in
         the last trial, mean over seeds), since_best and since_best_half (last less the highest trial of all rounds
         before it: the highest of several noisy ones is too high, so this is too low), and since and since_half (last
-        less that of round `earlier`). The halves are those of Student's 95% interval over seeds, nan of one.
+        less that of round `earlier`). The halves are those of Student's 95% interval over seeds: see `student_half`.
 
     Raises:
         InvalidValueError: if `earlier` is no number of a round.
@@ -34,15 +36,17 @@ def late_trials(metrics: pd.DataFrame, task: str, earlier: int) -> pd.DataFrame:
         return pd.DataFrame()
     ends = tried.sort_values("env_steps").groupby(["recipe", "seed", "round"], as_index=False).last()
     for arm, rows in ends.groupby("recipe"):
-        seeds = [seed.to_list() for _, seed in rows.groupby("seed")["trial_progress"]]
-        trials = pd.DataFrame(list(zip(*seeds, strict=False))).T
-        if trials.shape[1] <= earlier:
+        trials = rows.pivot(index="seed", columns="round", values="trial_progress").dropna(axis=1)
+        number = (
+            int(trials.columns.max()) + 1 if len(trials.columns) else 0
+        )  # rounds are counted from 0 there
+        if number <= earlier or earlier - 1 not in trials:
             continue
-        last = trials.iloc[:, -1]
-        line = {"seeds": len(trials), "rounds": trials.shape[1], "last": last.mean()}
+        last = trials[number - 1]
+        line = {"seeds": len(trials), "rounds": number, "last": last.mean()}
         for name, before in (
-            ("since_best", trials.iloc[:, :-1].max(axis=1)),
-            ("since", trials.iloc[:, earlier - 1]),
+            ("since_best", trials.drop(columns=number - 1).max(axis=1)),
+            ("since", trials[earlier - 1]),
         ):
             changes = (last - before).to_numpy()
             line |= {name: changes.mean(), f"{name}_half": student_half(changes)}

@@ -109,8 +109,8 @@ def improvement_over_tasks(
 ) -> Interval:
     """Probability that a seed of `first` beats a seed of `second` on the same task, mean over tasks, with its interval.
 
-    The interval is a bootstrap's. Where the probability is 0 or 1 on every task, which a bootstrap takes for certain,
-    it reaches at least as far as `least_when_all_win` of the tasks says of their mean.
+    The interval is a bootstrap's. A task on which the probability is 0 or 1 a bootstrap takes for certain: there the
+    interval reaches at least as far as `least_when_all_win` of such tasks and the bootstrap of the others say together.
 
     Args:
         first: scores of each task. One task: `[scores]`.
@@ -130,17 +130,27 @@ def improvement_over_tasks(
         raise ValueError(
             f"both arms need the same tasks, and at least one; got {len(first)} and {len(second)}"
         )
-    values, draws = [], np.zeros(resamples)
+    values, draws, others = [], np.zeros(resamples), np.zeros(resamples)
+    below, above = (
+        [],
+        [],
+    )  # how far the probability may be from 1, and from 0, on tasks that are all won or lost
     for one, other in zip(first, second, strict=True):
-        values.append(probability_of_improvement(seed_means(one), seed_means(other)))
-        draws += probability_of_improvement(*(draw(scores, rng, resamples) for scores in (one, other)))
-    value, (low, high) = float(np.mean(values)), interval_ends(draws / len(first))
-    if value in (0.0, 1.0):
-        both = zip(first, second, strict=True)
-        missing = [1.0 - least_when_all_win(len(one), len(other)) for one, other in both]
-        least = 1.0 - float(np.linalg.norm(missing)) / len(missing)  # tasks are independent
-        low, high = (min(low, least), 1.0) if value else (0.0, max(high, 1.0 - least))
-    return Interval(value, low, high)
+        value = probability_of_improvement(seed_means(one), seed_means(other))
+        drawn = probability_of_improvement(*(draw(scores, rng, resamples) for scores in (one, other)))
+        values.append(value)
+        draws += drawn
+        if value in (0.0, 1.0):
+            (below if value else above).append(1.0 - least_when_all_win(len(one), len(other)))
+        else:
+            others += drawn - value
+    mean, (low, high) = float(np.mean(values)), interval_ends(draws / len(first))
+    down, up = interval_ends(others / len(first))
+    if below:  # tasks are independent
+        low = min(low, mean - math.hypot(min(down, 0.0), np.linalg.norm(below) / len(first)))
+    if above:
+        high = max(high, mean + math.hypot(max(up, 0.0), np.linalg.norm(above) / len(first)))
+    return Interval(mean, max(low, 0.0), min(high, 1.0))
 
 
 def least_when_all_win(first: int, second: int) -> float:

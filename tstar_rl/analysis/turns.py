@@ -13,7 +13,7 @@ much the scores differ."""
 
 
 def tried_turns(metrics: pd.DataFrame, task: str) -> pd.DataFrame:
-    """The rows after which a chain of a task was tried, one for each turn.
+    """The rows after which a chain of a task was tried, one for each turn that a trial followed.
 
     Args:
         metrics: of `read_metrics`.
@@ -44,25 +44,25 @@ def steps_of_trials(metrics: pd.DataFrame, task: str) -> pd.Series:
 
 
 def turn_table(metrics: pd.DataFrame, task: str) -> pd.DataFrame:
-    """A line for each arm whose chain was tried after every turn.
+    """A line for each arm whose chain was tried after turns: after every one where a gate judges it.
 
     Args:
         metrics: see `tried_turns`.
         task: see `tried_turns`.
 
     Returns:
-        Index arm; means over seeds. Columns seeds, turns (of a seed), trial_progress (of the chain that goes on, over
-        all turns: of an arm that rises early it is higher at the same end), kept (share of turns that the gate kept),
-        trial_steps (see `steps_of_trials`), auc and spread (of the scores of the arm's signal, over the turns that
-        have one and were kept; nan where nothing signals, or several signals were judged, for which see
-        `calibration.calibration_of_arms`).
+        Index arm; means over seeds. Columns seeds, trials (of a seed), trial_progress (of the chain that goes on, over
+        all trials: of an arm that rises early it is higher at the same end), kept (share of tried turns that the gate
+        kept), trial_steps (see `steps_of_trials`), auc and spread (of the scores of the arm's signal, over the turns
+        that were kept; auc of those alone after which the next skill both succeeded and failed; nan where nothing
+        signals, or several signals were judged, for which see `calibration.calibration_of_arms`).
     """
     rows, steps, lines = tried_turns(metrics, task), steps_of_trials(metrics, task), {}
     if rows.empty:
         return pd.DataFrame()
     for arm, mine in rows.groupby("recipe"):
         seeds = mine.groupby("seed")
-        line = {"seeds": len(seeds), "turns": seeds.size().mean()}
+        line = {"seeds": len(seeds), "trials": seeds.size().mean()}
         line["trial_progress"] = seeds["trial_progress"].mean().mean()
         line["kept"] = _mean_over_seeds(mine, ["accepted"])
         line["trial_steps"] = steps.get(arm, math.nan)

@@ -12,6 +12,7 @@ from tstar_rl.chaining.seam import Seam
 from tstar_rl.chaining.signals import OnceLearned, Signal, critic_errors, outcomes_of
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.chaining.training import AnyUpdate, Distance, Training
+from tstar_rl.chaining.warm_up import check_that_policies_learn
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.models.networks import Discriminator
 from tstar_rl.rollouts.labels import Label
@@ -108,15 +109,8 @@ class TurnUpdates(Training):
         Raises:
             InvalidValueError: the critic alone would learn in all turns of a skill.
         """
-        settings = self.chain.settings
-        once = not settings.carry_over or settings.order == "costliest"  # begins anew, or may be the only one
-        turns = 1 if once else settings.rounds
-        rollouts = turns * self.chain.rollouts
-        if rollouts <= (warm_up := self.settings.ppo.critic_warmup):
-            raise InvalidValueError(
-                f"no policy would be trained: {turns} turns of a skill have {rollouts} rollouts, and its critic alone "
-                f"learns from the first {warm_up}. Lower chain.ppo.critic_warmup, or raise chain.steps_per_turn"
-            )
+        of, warm_up = self.chain.settings, self.settings.ppo.critic_warmup
+        check_that_policies_learn(warm_up, self.chain.rollouts, of.rounds, of.carry_over, of.order)
         return self.kept.get("update_policy") or super().policy_update()
 
     def _carried(self, name: str) -> Any:

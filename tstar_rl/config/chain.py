@@ -18,7 +18,7 @@ from tstar_rl.chaining.turns import Turn
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.build import environment, load_demonstrations, make_collection, training_settings
 from tstar_rl.config.check import ConfigError
-from tstar_rl.config.ranges import chain_length
+from tstar_rl.config.ranges import chain_length, turn_shape
 from tstar_rl.config.values import plain
 from tstar_rl.config.worlds import check_world
 from tstar_rl.demonstrations.collect import collect
@@ -28,10 +28,10 @@ from tstar_rl.rollouts.ray_collection import RayCollection
 from tstar_rl.rollouts.state_sets import TerminationSet
 from tstar_rl.runs.mismatch import CheckpointMismatchError, differences
 from tstar_rl.runs.run import Run
-from tstar_rl.runs.run_folder import run_path
+from tstar_rl.runs.run_folder import SKILLS_TOOK, run_path, spent_by
 from tstar_rl.seeds import derive_seed
 
-__all__ = ["chain_turns", "check_links", "load_skills", "skills_as_they_are", "trial_env", "turn_shape"]
+__all__ = ["chain_turns", "check_links", "load_skills", "skills_as_they_are", "trial_env"]
 
 
 def chain_turns(config: DictConfig, experts: Sequence[Demonstrations] | None = None) -> Iterator[Turn]:
@@ -64,7 +64,10 @@ def chain_turns(config: DictConfig, experts: Sequence[Demonstrations] | None = N
         )
     values = config.chain
     rollouts, frames = turn_shape(config)
-    run = Run(plain(config), None, values.rounds * len(skills) * rollouts * frames, trials=True)
+    place = (config.runs_dir, config.task.name, config.skills, config.seed)
+    took = spent_by(run_path(*place, index) for index in range(len(skills)))
+    steps = values.rounds * len(skills) * rollouts * frames
+    run = Run(plain(config), None, steps, trials=True, notes={SKILLS_TOOK: took})
     workshop = _Workshop(config)
     chain = ChainTraining(
         skills=skills,
@@ -93,12 +96,6 @@ def _check_sizes(config: DictConfig, skill: Skill) -> None:
         raise CheckpointMismatchError(
             f"skill {skill.subtask} of {config.skills}: {'; '.join(wrong)} (a chain keeps what its skills have)"
         )
-
-
-def turn_shape(config: DictConfig) -> tuple[int, int]:
-    """Rollouts of a turn, at least one, and environment steps of a rollout."""
-    frames = config.training.num_envs * (config.chain.horizon or config.training.horizon)
-    return max(config.chain.steps_per_turn // frames, 1), frames
 
 
 class _Workshop:

@@ -11,12 +11,13 @@ import runpy
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from copy import deepcopy
 from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from omegaconf import DictConfig
+from omegaconf import DictConfig, open_dict
 
 from tstar_rl.config.check import ConfigError, check
 from tstar_rl.config.command_line import command_line, told_in_words
@@ -59,11 +60,22 @@ def recipe(name: str, **own: Any) -> Callable[[Callable[[DictConfig], None]], Ca
 
             torch.set_num_threads(config.torch_threads)
             logging.getLogger("torchrl").setLevel(logging.WARNING)
-            function(config)
+            function(_made_by(name, config))
 
         return command_line(body, CONFIGS, name, partial(check_config, name=name))
 
     return decorate
+
+
+def _made_by(name: str, config: DictConfig) -> DictConfig:
+    """A copy of the config that says which recipe it is of, as the config.yaml and the checkpoints of its run then do.
+
+    Two recipes that were given one system find out by it: the second does not go on with the first one's run.
+    """
+    config = deepcopy(config)
+    with open_dict(config):
+        config.recipe = name
+    return config
 
 
 def own_keys(name: str) -> dict[str, Any]:
@@ -98,8 +110,8 @@ def check_checkout(recipe: Path) -> None:
     Raises:
         ConfigError: if it does not; it says what to do.
     """
-    here, there = CONFIGS.parent, recipe.resolve().parents[1]
-    if there != here and (there / "tstar_rl").is_dir():
+    here, there = CONFIGS.parent, recipe.resolve().parent.parent
+    if there != here and (there / "tstar_rl" / "__init__.py").is_file():
         raise ConfigError(
             f"{recipe} would run with the code of {here}: install {there} in an environment of its own, "
             f"or set PYTHONPATH={there}:{there / 'envs'}"

@@ -11,7 +11,7 @@ from tstar_rl.config.check import ConfigError
 from tstar_rl.demonstrations.header import KINDS, unknown_setting
 from tstar_rl.runs.run_folder import SAVED
 
-__all__ = ["chain_length", "check_machine", "check_ranges_of", "find"]
+__all__ = ["chain_length", "check_machine", "check_ranges_of", "find", "turn_shape"]
 
 NAMES = ("system", "skills")
 """Values that are folders of a run's place."""
@@ -176,6 +176,13 @@ def chain_length(config: DictConfig) -> int:
     """
     _check_links(config.chain.links, config.task.subtasks, config.task.name)
     return config.chain.links or config.task.subtasks
+
+
+def turn_shape(config: Mapping[str, Any]) -> tuple[int, int]:
+    """Rollouts of a chain's turn, at least one, and environment steps of a rollout."""
+    training, chain = config["training"], config["chain"]
+    frames = training["num_envs"] * (chain["horizon"] or training["horizon"])
+    return max(chain["steps_per_turn"] // frames, 1), frames
 
 
 def _check_links(links: int | None, subtasks: int, task: str) -> None:

@@ -7,8 +7,10 @@ fine-tuning, whose steps are those of chain.*). This imports no torch, so that s
 from collections.abc import Mapping
 from typing import Any
 
+from tstar_rl.chaining.warm_up import check_that_policies_learn
 from tstar_rl.config.check import ConfigError
-from tstar_rl.runs.run_folder import UNTRAINED, is_untrained
+from tstar_rl.config.ranges import turn_shape
+from tstar_rl.runs.run_folder import SKILLS, UNTRAINED, is_untrained
 
 __all__ = ["FINE_TUNING", "ONE_POLICY", "OURS", "check_what_is_not_read"]
 
@@ -89,6 +91,11 @@ def check_what_is_not_read(values: Mapping[str, Any], name: str) -> None:
         raise ConfigError(
             f"system must be left out, got {values['system']}: {name} starts other recipes, each of which names its "
             "own run; results_dir=... and runs_dir=... keep runs apart"
+        )
+    if name in WHOLE and values["skills"] != SKILLS:
+        raise ConfigError(
+            f"skills must be left out, got {values['skills']}: {name} starts other recipes, and says itself whose "
+            "skills they chain"
         )
     if values["launch"] != "local" and name in (*STEPS, "bench", "bench_growth"):
         raise ConfigError(
@@ -188,6 +195,10 @@ def _check_chain(values: Mapping[str, Any], name: str) -> None:
         raise ConfigError(
             f"chain.logged_skill must be in 0..{subtasks - 1} for {values['task']['name']}, got {chain['logged_skill']}"
         )
+    if name != "in_order_cloned":  # which learns from no rollout
+        rollouts, _ = turn_shape(values)
+        warm_up = {**values["ppo"], **chain["ppo"]}.get("critic_warmup", 0)
+        check_that_policies_learn(warm_up, rollouts, chain["rounds"], chain["carry_over"], chain["order"])
     starts = chain["starts"]
     if (
         name in LEARN_FROM_KEPT

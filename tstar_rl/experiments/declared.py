@@ -12,11 +12,9 @@ from tstar_rl.checks import InvalidValueError, did_you_mean
 from tstar_rl.launch.bonus import BONUS
 from tstar_rl.launch.overrides import quoted, section_of
 from tstar_rl.launch.side_by_side import Step
-from tstar_rl.runs.run_folder import UNTRAINED, Place, run_path
+from tstar_rl.runs.run_folder import SKILLS, UNTRAINED, Place, run_path
 
 __all__ = ["Arm", "DeclaredExperiment"]
-
-SKILLS = "gail_ppo"
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,5 @@
 """Which checkpoints an evaluation is asked for by its command line, where they lie, and what their training took."""
 
-import json
 import math
 from collections.abc import Iterable
 from pathlib import Path
@@ -10,14 +9,11 @@ from omegaconf import DictConfig
 
 from tstar_rl.chaining.chain import chain_folders
 from tstar_rl.checks import InvalidValueError, MissingFileError
-from tstar_rl.launch.run_folders import evaluated_runs, run_folder
+from tstar_rl.launch.run_folders import evaluated_runs, run_folder, skills_took
 from tstar_rl.runs.checkpoint import is_checkpoint
-from tstar_rl.runs.run_folder import FINISHED, is_untrained, made_by, read_run_path, run_path
+from tstar_rl.runs.run_folder import SPENT, is_untrained, made_by, read_run_path, spent_by
 
-__all__ = ["SPENT", "Found", "find_checkpoints", "spent_on"]
-
-SPENT = ("env_steps", "minutes")
-"""What a training takes."""
+__all__ = ["Found", "find_checkpoints", "spent_on"]
 
 
 class Found(NamedTuple):
@@ -55,8 +51,10 @@ def find_checkpoints(config: DictConfig, given: Iterable[str]) -> tuple[Path, di
     return results, complete
 
 
-def spent_on(config: DictConfig, begun_with: str, found: Found) -> dict[str, float]:
+def spent_on(config: DictConfig, results: Path, found: Found) -> dict[str, float]:
     """Environment steps and minutes that went into the skills, training and fine-tuning together.
+
+    `results` is the folder of the table, whose config.yaml says what a chain began with.
 
     They are nan where a run has not ended, and of one skill out of a chain, whose turns are not counted apart. The best
     checkpoint cost what the last one did: its whole run was needed to tell that it is the best.
@@ -64,15 +62,11 @@ def spent_on(config: DictConfig, begun_with: str, found: Found) -> dict[str, flo
     in_chain = found.folders[0].name.startswith("skill")
     if in_chain and not found.chain:
         return dict.fromkeys(SPENT, math.nan)
-    runs = {folder.parents[1 if in_chain else 0] for folder in found.folders}
-    if found.chain:
-        task, seed = config.task.name, config.seed
-        runs |= {run_path(config.runs_dir, task, begun_with, seed, i) for i in range(len(found.folders))}
-    files = [run / FINISHED for run in runs]
-    if not all(file.is_file() for file in files):
-        return dict.fromkeys(SPENT, math.nan)
-    spent = [json.loads(file.read_text()) for file in files]
-    return {name: sum(one[name] for one in spent) for name in SPENT}
+    own = spent_by({folder.parents[1 if in_chain else 0] for folder in found.folders})
+    if not in_chain:  # one policy, or skills as they are
+        return own
+    skills = skills_took(config, results, len(found.folders))
+    return {name: own[name] + skills[name] for name in SPENT}
 
 
 def _found(places: list[Path], chained: bool) -> Found | None:

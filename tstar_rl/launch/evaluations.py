@@ -7,7 +7,7 @@ from typing import Any
 from omegaconf import DictConfig
 
 from tstar_rl.config.values import plain
-from tstar_rl.launch.run_folders import ended_since, evaluated_runs, run_folder
+from tstar_rl.launch.run_folders import evaluated_runs, of_an_earlier_training, run_folder
 from tstar_rl.runs.csv_tables import read_table
 from tstar_rl.runs.mismatch import CheckpointMismatchError, differences
 from tstar_rl.runs.run_config import read_config
@@ -21,7 +21,7 @@ def is_evaluated(config: DictConfig) -> bool:
     results, runs = run_folder(config, "results_dir"), evaluated_runs(config)
     check_evaluation(results, plain(config))
     file = results / "evaluation.csv"
-    if not all((run / FINISHED).is_file() for run in runs) or ended_since(file, runs):
+    if not all((run / FINISHED).is_file() for run in runs) or of_an_earlier_training(file, config):
         return False
     table, evaluation = read_table(file), config.evaluation
     number = evaluation.whole_episodes if config.subtask is None else evaluation.episodes

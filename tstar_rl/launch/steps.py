@@ -25,6 +25,7 @@ from tstar_rl.runs.mismatch import (
     NOT_CLONED,
     as_begun,
     check_config,
+    known_then,
 )
 from tstar_rl.runs.run_config import read_config
 from tstar_rl.runs.run_folder import FINISHED
@@ -101,6 +102,7 @@ def is_done(
     unread = NOT_CLONED if step[0] == "bc" else CHAINING if step[0] in ONE_POLICY else ()
     ignored = (*MACHINE_ONLY, *ignored, *unread)
     asked = {name: value for name, value in plain(config).items() if name not in ignored}
+    asked = known_then(saved, asked | {"recipe": step[0]})
     begun = as_begun(saved, asked)
     check_config(results, saved, begun)
     return bool(saved) and begun == asked

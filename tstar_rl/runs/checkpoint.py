@@ -54,11 +54,16 @@ class _SealedCheckpoint(Checkpoint):
             self.register(name, component, adapter=StateDictCheckpointAdapter("archive"))
 
     def save(self, path: str | Path, **options: Any) -> Path:
-        destination = Path(path).expanduser().absolute()
+        destination = _place(path)
         with named_in_errors(destination), replacing_folder(destination) as stage:
             super().save(stage, **options)
             seal(stage)
         return destination
+
+
+def _place(path: str | Path) -> Path:
+    """Absolute, so that torchrl does not take a ~ in it for the home folder: nothing else here does."""
+    return Path(path).absolute()
 
 
 def save(path: str | Path, components: Mapping[str, Any], record: Mapping[str, Any]) -> None:
@@ -73,7 +78,7 @@ def save_step(
     record: Mapping[str, Any],
 ) -> None:
     """Writes the checkpoint of a step below `directory`; the one before goes once the new one is complete."""
-    rotation = CheckpointRotation(directory, keep_last=1)
+    rotation = CheckpointRotation(_place(directory), keep_last=1)
     remove_remains(rotation.directory / rotation.prefix)
     rotation.save(_SealedCheckpoint(components), step=step, metadata=dict(record))
 
@@ -107,7 +112,7 @@ def read_record(path: str | Path, **expected: Any) -> dict[str, Any]:
             f"no checkpoint at {path}{f': there is one at {near[0]}' if near else made_by(path)}"
         )
     verify(Path(path), only=[MANIFEST])
-    record = Checkpoint.manifest(path)["metadata"]
+    record = Checkpoint.manifest(_place(path))["metadata"]
     wrong = differences({name: record.get(name) for name in expected}, expected)
     if wrong:
         raise CheckpointMismatchError(f"{path} does not belong here: " + "; ".join(wrong))
@@ -124,7 +129,9 @@ def load(path: str | Path, components: Mapping[str, Any], **expected: Any) -> di
     record = read_record(path, **expected)
     files = verify(Path(path))
     try:
-        _SealedCheckpoint(components).load(path, map_location="cpu")  # a component knows its own device
+        _SealedCheckpoint(components).load(
+            _place(path), map_location="cpu"
+        )  # a component knows its own device
     except CheckpointError as error:
         if isinstance(error.__cause__, UserError):
             raise error.__cause__ from error

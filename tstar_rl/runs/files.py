@@ -12,8 +12,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 __all__ = [
-    "append_text", "named_in_errors", "put_back", "remove_remains", "replace_folder", "replacing", "replacing_folder",
-    "turn_to_write",
+    "append_text", "named_in_errors", "put_back", "remove_folder", "remove_remains", "replace_folder", "replacing",
+    "replacing_folder", "turn_to_write",
 ]  # fmt: skip
 
 
@@ -48,14 +48,31 @@ def replacing(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def replacing_folder(path: Path) -> Iterator[Path]:
-    """Gives a folder to make: what is in it when the block ends replaces `path`. If the block fails, nothing does."""
+    """Gives a folder to make: what is in it when the block ends replaces `path`. If the block fails, nothing does.
+
+    It is on the disk before it takes its place, and before the caller removes what it makes needless: a machine that
+    loses its power has one or the other.
+    """
     remove_remains(path)
     stage = path.with_name(f".{path.name}.new-{uuid.uuid4().hex}")
     try:
         yield stage
+        _flush(stage, *stage.rglob("*"))
         replace_folder(stage, path)
+        _flush(path.parent)
     finally:
         shutil.rmtree(stage, ignore_errors=True)
+
+
+def _flush(*paths: Path) -> None:
+    """Has the system write files, and names in folders, to the disk; not every file system can be asked."""
+    for path in paths:
+        handle = os.open(path, os.O_RDONLY)
+        try:
+            with suppress(OSError):
+                os.fsync(handle)
+        finally:
+            os.close(handle)
 
 
 def remove_remains(path: Path) -> None:
@@ -77,6 +94,14 @@ def replace_folder(stage: Path, destination: Path) -> None:
             os.replace(before, destination)
         raise
     shutil.rmtree(before, ignore_errors=True)
+
+
+def remove_folder(path: Path) -> None:
+    """Removes a folder; whoever is killed meanwhile leaves no part of it under its name."""
+    if path.is_dir():
+        remove_remains(path)
+        os.replace(path, left := path.with_name(f".{path.name}.removed-{uuid.uuid4().hex}"))
+        shutil.rmtree(left, ignore_errors=True)
 
 
 def put_back(destination: Path) -> None:

@@ -14,8 +14,11 @@ from tstar_rl.runs.run_folder import UNTRAINED
 
 __all__ = ["chains_of", "forget_measurements"]
 
-OF_A_RUN = ("evaluation.csv", "moved_parts.csv", "ways_home.csv", "latents.csv")
-"""Tables in the folder of the run's results."""
+OF_A_RUN = (
+    *("evaluation.csv", "moved_parts.csv", "ways_home.csv", "latents.csv", "latents.png"),
+    *("first_success.mp4", "first_failure.mp4", "episodes.html"),
+)
+"""Tables, films and pictures in the folder of the run's results."""
 OF_CHAINS = ("hand_over.csv", "hand_over_gap.csv", "seams.csv", "exchanged.csv", "exchanged_*.csv")
 """Tables in the task's folder, with a row or some for each system and seed."""
 
@@ -77,6 +80,8 @@ def _drop(path: Path, systems: Collection[str], seed: int) -> None:
         if not path.is_file():  # a run beside this one has just taken the last rows
             return
         table = read_table(path)
+        if not {"system", "seed"} <= set(table):  # a table of the user's own that has such a name
+            return
         theirs = table["seed"] == seed
         if path.name not in against:  # there the skills of all chains were exchanged with those of this one
             theirs &= table["system"].isin(list(systems))

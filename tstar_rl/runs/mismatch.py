@@ -14,6 +14,7 @@ __all__ = [
     "as_begun",
     "check_config",
     "differences",
+    "known_then",
 ]
 
 MACHINE_ONLY = (
@@ -50,6 +51,11 @@ def check_config(results: Path, saved: Mapping[str, Any], asked: Mapping[str, An
             f"{results}: {'; '.join(wrong)} "
             "(resume=false starts over; results_dir=... and runs_dir=... keep runs apart)"
         )
+
+
+def known_then(saved: Mapping[str, Any], asked: Mapping[str, Any]) -> dict[str, Any]:
+    """`asked`, but without its recipe where none was noted: older runs, and programs of a user's own, note none."""
+    return {name: value for name, value in asked.items() if name != "recipe" or name in saved}
 
 
 def as_begun(saved: Mapping[str, Any], asked: Mapping[str, Any]) -> dict[str, Any]:

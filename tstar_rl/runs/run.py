@@ -6,7 +6,6 @@ a chain terminal_states.csv and calibration.csv);
 """
 
 import json
-import shutil
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -19,9 +18,15 @@ from tstar_rl.checks import MissingFileError, NothingToDo
 from tstar_rl.runs import checkpoint, lock
 from tstar_rl.runs.best_so_far import BestSoFar
 from tstar_rl.runs.csv_tables import LogError, MetricsLog
-from tstar_rl.runs.files import put_back, replacing
+from tstar_rl.runs.files import put_back, remove_folder, replacing
 from tstar_rl.runs.measured import chains_of, forget_measurements
-from tstar_rl.runs.mismatch import MACHINE_ONLY, CheckpointMismatchError, as_begun, check_config
+from tstar_rl.runs.mismatch import (
+    MACHINE_ONLY,
+    CheckpointMismatchError,
+    as_begun,
+    check_config,
+    known_then,
+)
 from tstar_rl.runs.run_config import note_resumed, note_section, read_config, restore_config, write_config
 from tstar_rl.runs.run_folder import FINISHED, SAVED, run_path
 
@@ -35,11 +40,13 @@ class Run:
 
     Args:
         config: plain values; recorded, and compared when resuming. Read are task.name, system, seed, results_dir and
-            runs_dir, which say where the run lies, resume, progress_bar and, where there is one, env.
+            runs_dir, which say where the run lies, resume, progress_bar and, where there is one, env. A recipe's have
+            its name, "recipe".
         subtask: that the run trains, or None.
         total: environment steps, for the bar.
         trials: whether the best so far is told by trials; see `BestSoFar`.
         unread: sections of the config that the recipe does not read: they may differ when the run is resumed.
+        notes: what config.yaml says beside the config, of a run that begins anew.
 
     Raises:
         RunInUseError: if another process runs in the same folder.
@@ -52,6 +59,7 @@ class Run:
         total: int = 0,
         trials: bool = False,
         unread: Sequence[str] = (),
+        notes: Mapping[str, Any] | None = None,
     ) -> None:
         place = (config["task"]["name"], config["system"], config["seed"], subtask)
         self.results = run_path(config["results_dir"], *place)
@@ -59,7 +67,7 @@ class Run:
         self._hold()
         self.record = {name: value for name, value in config.items() if name not in (*MACHINE_ONLY, *unread)}
         self.record["subtask"] = subtask
-        self.config, self.total = config, total
+        self.config, self.notes, self.total = config, notes or {}, total
         self.env_steps, self.seconds, self.turn = 0, 0.0, 0
         self.best = BestSoFar(trials)
         self.components: dict[str, Any] = {}
@@ -99,7 +107,7 @@ class Run:
 
         Raises:
             NothingToDo: if it has finished, and no more steps are asked for.
-            MissingFileError: if it has, and its tables are elsewhere; or if its tables alone are here.
+            MissingFileError: if it has, and its tables are elsewhere; or if it is here in part, see `_check_alone`.
             CheckpointMismatchError: when resuming a run that had another config, or where one of another has finished,
                 or where the tables are those of another. Nothing is touched then.
             DamagedCheckpointError: if the newest checkpoint is not as it was written. Nothing is touched then.
@@ -121,13 +129,14 @@ class Run:
             self._forget_measurements()
             finished.unlink(missing_ok=True)  # before the rest: what is half deleted is not done
             for name in ("checkpoints", *SAVED):
-                shutil.rmtree(self.work / name, ignore_errors=True)
+                remove_folder(self.work / name)
             for name in LOGS:
                 getattr(self, name).truncate(0)
-            write_config(self.results, self.config)
+            write_config(self.results, {**self.config, **self.notes})
         else:
             try:
-                begun = as_begun(checkpoint.read_record(found), self.record)
+                saved = checkpoint.read_record(found)
+                begun = as_begun(saved, known_then(saved, self.record))
                 checkpoint.read_record(found, **begun)
                 changed = [section for section in begun if begun[section] != self.record[section]]
                 self._stop_if_done(changed)  # before its tables go back to the checkpoint
@@ -172,10 +181,15 @@ class Run:
         """Raises CheckpointMismatchError if the tables here are of a training that had another config."""
         saved = read_config(self.results)
         if not saved.get("evaluation_only"):
-            check_config(self.results, saved, as_begun(saved, self.record))
+            check_config(self.results, saved, as_begun(saved, known_then(saved, self.record)))
 
     def _check_alone(self) -> None:
-        """Raises MissingFileError if what is there of a run is its tables alone: it has ended, and was evaluated."""
+        """Raises MissingFileError if a run that has ended is here in part: its tables alone, or what it trained."""
+        if (self.work / "last").is_dir() and not (self.work / FINISHED).is_file():
+            raise MissingFileError(
+                f"{self.work} has what a run trained, last, and neither {FINISHED} nor checkpoints to go on from: copy "
+                f"{FINISHED} there as well, or give another runs_dir (resume=false starts over)"
+            )
         table = self.results / "evaluation.csv"
         saved = any((self.work / name).is_dir() for name in SAVED)
         if table.is_file() and not saved and not read_config(self.results).get("evaluation_only"):
@@ -186,7 +200,9 @@ class Run:
 
     def _check_steps(self) -> None:
         """Raises CheckpointMismatchError if the run that has finished here was given fewer steps."""
-        if as_begun(read_config(self.results), self.record) != self.record:
+        saved = read_config(self.results)
+        asked = known_then(saved, self.record)
+        if as_begun(saved, asked) != asked:
             raise CheckpointMismatchError(
                 f"{self.work}: more steps are asked for than it was given, and it has no checkpoint to go on from: it "
                 "ended before checkpoint_every steps, or the checkpoints were deleted (resume=false starts over)"

@@ -1,6 +1,9 @@
 """Where a run lies, and which run lies there."""
 
+import json
+import math
 import re
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,12 +13,17 @@ __all__ = [
     "FINISHED",
     "RECIPES",
     "SAVED",
+    "SKILLS",
+    "SKILLS_TOOK",
+    "SPENT",
     "UNTRAINED",
     "Place",
     "is_untrained",
     "made_by",
     "read_run_path",
     "run_path",
+    "same_spent",
+    "spent_by",
 ]
 
 UNTRAINED = "no_finetuning"
@@ -27,6 +35,15 @@ RECIPES = Path(__file__).resolve().parents[2] / "recipes"
 
 FINISHED = "finished.json"
 """What a run writes when it ends: its steps and minutes."""
+
+SPENT = ("env_steps", "minutes")
+"""What a training takes."""
+
+SKILLS_TOOK = "skills_took"
+"""What the config.yaml of a chain says of the training of the skills that it began with: `SPENT`."""
+
+SKILLS = "gail_ppo"
+"""The system whose skills a chain is made of where nothing else is said."""
 
 SAVED = ("last", "best", "prior")
 """Names under which a run keeps what it has trained; "prior" is SPiRL's."""
@@ -63,6 +80,20 @@ def read_run_path(path: Path, root: Path | None = None) -> tuple[Place, Path]:
         raise InvalidValueError(f"a run lies at <task>/<recipe>/seed<k>[/subtask<i>], got {path}{out}")
     task, system, seed, subtask, rest = found.groups()
     return Place(task, system, int(seed), None if subtask is None else int(subtask)), Path(rest or "")
+
+
+def spent_by(runs: Iterable[Path]) -> dict[str, float]:
+    """Environment steps and minutes of runs that have finished, in all; nan where one has not."""
+    files = [run / FINISHED for run in runs]
+    if not all(file.is_file() for file in files):
+        return dict.fromkeys(SPENT, math.nan)
+    spent = [json.loads(file.read_text()) for file in files]
+    return {name: sum(one.get(name, math.nan) for one in spent) for name in SPENT}
+
+
+def same_spent(one: Mapping[str, float], other: Mapping[str, float]) -> bool:
+    """Whether both are of the same training: no two take the same steps and, to a billionth, the same minutes."""
+    return all(math.isclose(one.get(name, math.nan), other.get(name, math.nan)) for name in SPENT)
 
 
 def is_untrained(system: str) -> bool:

@@ -13,7 +13,7 @@ __all__ = ["rise_figure"]
 
 
 def rise_figure(metrics: pd.DataFrame, task: str, labels: Mapping[str, str] | None = None) -> Figure:
-    """Progress of the chain in the trial after each turn, against environment steps learned from.
+    """Progress of the chain in the trials that follow turns, against environment steps learned from.
 
     A thin line is a seed. A thick one is the mean of their n-th trials, as far as all seeds of the arm have come.
 

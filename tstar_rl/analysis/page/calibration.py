@@ -19,7 +19,8 @@ SAID = """\
 Means over the turns that were kept, then over seeds. Brier score: the mean squared distance of what was said from what
 happened; beside it that of saying of every state how often the next skill succeeded in that trial, which is no
 yardstick for a signal that predicts how much of the rest is done. Calibration error:
-how far the two are apart in ten bins of what was said.
+how far the two are apart in ten bins of what was said. An AUC is of the turns alone after which the next skill both
+succeeded and failed: so many, of all seeds together, are behind it.
 """
 
 
@@ -33,8 +34,17 @@ def calibration(folder: Path, metrics: pd.DataFrame, paper: Paper, task: str, pr
         signals = found.loc[arm]
         for signal, row in signals.iterrows():
             numbers = [NOTHING if math.isnan(row[name]) else f"{row[name]:.2f}" for name in SHOWN]
-            rows.append([_said_by(paper, arm, str(signal), len(signals)), f"{row['seeds']:.0f}", *numbers])
-    header = ["arm", "seeds", "AUC", "Brier score", "of saying the rate", "calibration error"]
+            turns = [f"{row['seeds']:.0f}", f"{row['told']:.0f}"]
+            rows.append([_said_by(paper, arm, str(signal), len(signals)), *turns, *numbers])
+    header = [
+        "arm",
+        "seeds",
+        "turns with an AUC",
+        "AUC",
+        "Brier score",
+        "of saying the rate",
+        "calibration error",
+    ]
     return f"{picture(CURVE, _file(task, prefix))}\n{SAID}\n{table(header, rows)}"
 
 

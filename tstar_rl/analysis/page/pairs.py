@@ -85,7 +85,9 @@ def seams(experiment: Experiment, paper: Paper, entry: Entry, task: str, arms: S
 
 
 def _difference(value: float, low: float, high: float) -> str:
-    """With three digits: an end near zero is what a reader looks for."""
+    """With three digits: an end near zero is what a reader looks for. The value alone where there is no interval."""
+    if math.isnan(low):
+        return f"{value:+.3f}"
     return f"{value:+.3f} [{low:+.3f}, {high:+.3f}]"
 
 

@@ -15,7 +15,7 @@ __all__ = ["single_policies"]
 SAID = """\
 Progress of the last checkpoint in deterministic episodes of the whole task. A seed's interval is Wilson's for a share
 of as many episodes: a little too wide, since progress also takes values between 0 and 1. The mean over seeds has
-Student's t beside it. The second table decides nothing.
+Student's t beside it, unless it is of less than six seeds that are all alike. The second table decides nothing.
 """
 
 

@@ -12,14 +12,14 @@ from tstar_rl.analysis.turns import turn_table
 
 __all__ = ["draw_turns", "turns"]
 
-RISE = "Progress of the chain in the trial after each turn. A thin line is a seed, a thick one their mean."
+RISE = "Progress of the chain in the trials that follow turns. A thin line is a seed, a thick one their mean."
 
 SAID = """\
 Means over seeds. Progress is that of the chain that goes on, in the trials after its turns: of two arms with the same
 end, the one that rose earlier has more. AUC: how well the signal that paid a skill tells whether the next one then
-succeeded (.5: nothing), over the turns that were kept; spread: the deviation of its scores there; neither is shown of
-an arm with several signals. Steps of trials: in
-the runs published so far they are without the episodes of a chain before its first turn (chain.seed_episodes).
+succeeded (.5: nothing), over the turns that were kept and after which it both succeeded and failed; spread: the
+deviation of its scores over all turns that were kept; neither is shown of an arm with several signals. Steps of trials:
+in the runs published so far they are without the episodes of a chain before its first turn (chain.seed_episodes).
 """
 
 
@@ -37,13 +37,13 @@ def turns(metrics: pd.DataFrame, paper: Paper, task: str, prefix: str) -> str:
             _share(row["auc"]),
             _share(row["spread"]),
         ]
-        line = [arm_label(paper, arm), f"{row['seeds']:.0f}", f"{row['turns']:.0f}", *numbers]
+        line = [arm_label(paper, arm), f"{row['seeds']:.0f}", f"{row['trials']:.0f}", *numbers]
         rows.append([*line, millions(row["trial_steps"])])
     header = [
         "arm",
         "seeds",
-        "turns",
-        "progress in trials, mean over turns",
+        "trials",
+        "progress in trials, mean",
         "turns kept",
         "AUC of the signal",
         "its spread",
