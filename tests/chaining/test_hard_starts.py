@@ -4,6 +4,7 @@ from unittest.mock import Mock
 
 import pytest
 
+from tstar_rl.chaining.turn_starts import begin_where_it_fails
 from tstar_rl.chaining.turns import Turn
 from tstar_rl.checks import InvalidValueError
 
@@ -44,7 +45,7 @@ def test_hard_starts_are_those_where_f_expects_failure(point_chain, monkeypatch)
 @pytest.mark.parametrize("share", [-0.5, 1.5])
 def test_a_share_of_hard_starts_that_is_none_is_refused(share):
     with pytest.raises(InvalidValueError, match=rf"expected failure must be in \[0, 1\], got {share}"):
-        Turn.begin_where_it_fails(Mock(), lambda states: states, share)
+        begin_where_it_fails(Mock(spec=Turn), lambda states: states, share)
 
 
 def test_hard_starts_end_with_their_turn(point_chain, monkeypatch):

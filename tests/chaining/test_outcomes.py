@@ -138,7 +138,7 @@ def test_sets_and_a_standardised_network_come_back(tmp_path):
     skill.normalizer.fit(states, 0.02)
     skill.outcomes.add(states, states[:, 0] > 0, states[:, 0].sigmoid())
     skill.approaches.add(states, torch.arange(30), states[:, 0] > 0)
-    network = skill.network("feasibility", 1e-4)
+    network = skill.add_network("feasibility", 1e-4)
     network.normalizer.standardize(100 * states)
     before = skill.normalizer.loc.clone()
     skill.save(tmp_path / "skill")

@@ -184,13 +184,13 @@ def test_a_floor_that_a_network_was_not_made_with_is_told(point_chain, monkeypat
     policy_update = TurnUpdates.policy_update
 
     def asked_for_before(turn):
-        turn.skill.network("further")
+        turn.skill.add_network("further")
         with pytest.raises(InvalidValueError, match="has a floor of None, and 0.02 is asked for"):
-            turn.skill.network("further", 0.02)
-        turn.skill.network("another", 0.02)
-        assert turn.skill.network("another", 0.02) is turn.skill.network("another")
+            turn.skill.add_network("further", 0.02)
+        another = turn.skill.add_network("another", 0.02)
+        assert turn.skill.add_network("another", 0.02) is another is turn.skill.network("another")
         with pytest.raises(InvalidValueError, match="every skill has its own sets"):
-            turn.skill.network("sets")
+            turn.skill.add_network("sets")
         return policy_update(turn)
 
     monkeypatch.setattr(TurnUpdates, "policy_update", asked_for_before)

@@ -3,6 +3,7 @@
 import pytest
 
 from tstar_rl.chaining.turns import Turn
+from tstar_rl.checks import InvalidValueError
 
 SHORT = ("chain.gate=false", "chain.steps_per_turn=512", "chain.trial_every=100")
 """Turns of one rollout, and no trial."""
@@ -10,12 +11,24 @@ SHORT = ("chain.gate=false", "chain.steps_per_turn=512", "chain.trial_every=100"
 
 def test_a_signal_that_reads_a_network_which_nothing_trains_is_told(point_chain, monkeypatch, capsys):
     once_learned = Turn.once_learned
+
+    def reads(name, make):
+        def asked(turn, _, skill):
+            if make:
+                skill.add_network(name)
+            return once_learned(turn, name, skill)
+
+        monkeypatch.setattr(Turn, "once_learned", asked)
+
     point_chain("tstar", *SHORT, "chain.links=2")
     assert "to be taught as a signal" not in capsys.readouterr().out
-    monkeypatch.setattr(Turn, "once_learned", lambda turn, name, skill: once_learned(turn, "d_omgea", skill))
-    point_chain("tstar", *SHORT, "chain.links=2", "system=misspelled")
-    told = "1/d_omgea: this network was to be taught as a signal, and no turn that was kept has taught it"
+    reads("further", make=True)
+    point_chain("tstar", *SHORT, "chain.links=2", "system=further")
+    told = "1/further: this network was to be taught as a signal, and no turn that was kept has taught it"
     assert told in capsys.readouterr().out
+    reads("d_omgea", make=False)
+    with pytest.raises(InvalidValueError, match="skill 1 has no network 'd_omgea'.* did you mean d_omega"):
+        point_chain("tstar", *SHORT, "chain.links=2", "system=misspelled")
 
 
 @pytest.mark.parametrize(

@@ -45,5 +45,5 @@ def test_skills_differ_by_any_network_or_set_that_one_has(tmp_path):
     assert differs()
     skills[1].initiation_set.extend(row)
     assert not differs()
-    skills[0].network("feasibility")
+    skills[0].add_network("feasibility")
     assert differs()

@@ -1,12 +1,13 @@
 """What all turns of a chain share: its skills, its environments, and what goes on from one turn to the next."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from tensordict import TensorDict
 from torchrl.envs import TransformedEnv
 
+from tstar_rl.chaining.chain import save_chain
 from tstar_rl.chaining.chain_settings import ChainSettings
 from tstar_rl.chaining.gate import Gate
 from tstar_rl.chaining.skill import Skill
@@ -63,11 +64,11 @@ class ChainTraining:
         training: see `TrainingSettings`.
         workshop: makes the environments.
         gate: judges each turn.
-        save: writes the chain under a name, at a number of steps.
+        record: plain values that are saved with the chain.
         turn_order: says whose turn it is.
         learned: networks of scores that a turn has trained and that were not put back, as "<index>/<name>".
-        asked: those that a turn has asked for as what pays, once they have learned, or was to teach beside its own
-            skill's.
+        asked: networks that a turn wanted as its reward, or was to teach for the next skill; those that never learned
+            are told at the end.
         seeding_steps: environment steps of the episodes before the first turn, which the first turn's row counts.
     """
 
@@ -79,7 +80,7 @@ class ChainTraining:
     training: TrainingSettings
     workshop: Workshop
     gate: Gate
-    save: Callable[[str, int], None] = lambda name, steps: None
+    record: Mapping[str, Any] = field(default_factory=dict)
     turn_order: TurnOrder = field(init=False)
     learned: set[str] = field(default_factory=set)
     asked: set[str] = field(default_factory=set)
@@ -90,6 +91,10 @@ class ChainTraining:
 
     def __post_init__(self) -> None:
         self.turn_order = TurnOrder(self.settings.order, len(self.skills))
+
+    def save(self, name: str, steps: int) -> None:
+        """Writes the chain under a name, with its record and the environment steps done."""
+        save_chain(self.skills, self.run.work / name, **self.record, env_steps=steps)
 
     def seed_sets(self, trial: Trial) -> None:
         """Fills the sets with the states of a trial before the first turn, and notes its steps.
@@ -189,5 +194,5 @@ class ChainTraining:
         # network is made here: components are loaded by name, the chain before its skills.
         for place in state.get("coarse", ()):
             index, _, name = place.partition("/")
-            self.skills[int(index)].network(name).coarse = True
+            self.skills[int(index)].add_network(name).coarse = True
         self.learned, self.asked = set(state.get("learned", ())), set(state.get("asked", ()))

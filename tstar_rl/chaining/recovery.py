@@ -93,7 +93,7 @@ def learn_outcomes(
     """
     with generators_stay(skill.initiation_set.device):
         torch.manual_seed(seed)
-        network = skill.network(FEASIBILITY, settings.floor)
+        network = skill.add_network(FEASIBILITY, settings.floor)
     return LabelledUpdate(FEASIBILITY, network, outcome_loss, settings, seed)(starts, succeeded)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import torch
 from torch import nn
 
-from tstar_rl.checks import InvalidValueError, check_choices, check_ranges, check_sizes
+from tstar_rl.checks import InvalidValueError, check_choices, check_ranges, check_sizes, did_you_mean
 from tstar_rl.env.layout import observation_size
 from tstar_rl.models.draws import generators_stay
 from tstar_rl.models.networks import Discriminator, make_discriminator, make_policy, make_value
@@ -64,8 +64,8 @@ class Skill:
     """What has been learned for subtask `subtask` of `task`.
 
     A skill always has a policy, a value network and the paper's two discriminators, f_phi and d_omega. A chaining
-    method that needs a further network of the skill's states asks for it by name (`network`): it is then saved, moved
-    and rolled back with the rest. So are the skill's sets of states.
+    method that needs a further network of the skill's states adds it under a name: it is then saved, moved and rolled
+    back with the rest. So are the skill's sets of states.
 
     Attributes:
         initiation_set: I_i, states from which it has succeeded.
@@ -134,8 +134,21 @@ class Skill:
         names = ("initiation_set", "termination_set", "outcomes", "approaches")
         return {name: getattr(self, name) for name in names}
 
-    def network(self, name: str, floor: float | None = None) -> Discriminator:
-        """The network of that name: observation (..., O) -> score (..., 1). One that is new is made.
+    def network(self, name: str) -> Discriminator:
+        """The network of that name: observation (..., O) -> score (..., 1).
+
+        Raises:
+            InvalidValueError: if the skill has none; it lists those that it has.
+        """
+        if name not in self.networks:
+            raise InvalidValueError(
+                f"skill {self.subtask} has no network {name!r}; it has {', '.join(self.networks)}"
+                f"{did_you_mean(name, self.networks)}. An update makes one, or add_network({name!r})"
+            )
+        return self.networks[name]
+
+    def add_network(self, name: str, floor: float | None = None) -> Discriminator:
+        """Makes a further network, observation (..., O) -> score (..., 1), unless there is one of that name.
 
         The numbers that it begins with depend on torch's global generator, which is left as it was.
 
@@ -157,7 +170,7 @@ class Skill:
         if floor is not None and (has is None or not math.isclose(has, floor, rel_tol=1e-5)):
             raise InvalidValueError(
                 f"the network {name} of skill {self.subtask} has a floor of {has}, and {floor} is asked for: it was "
-                "saved so, or asked for before the update that gives a floor"
+                "saved so, or made before the update that gives a floor"
             )
         return found
 
@@ -194,7 +207,7 @@ class Skill:
             module = self.modules.get(name)
             if module is None:
                 floor = values.get("normalizer.floor")  # of a network that standardises its own input
-                module = self.network(name, None if floor is None else float(floor))
+                module = self.add_network(name, None if floor is None else float(floor))
             module.load_state_dict(values)
 
     def state_dict(self) -> dict[str, Any]:

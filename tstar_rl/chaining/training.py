@@ -104,14 +104,14 @@ class Training:
         self, name: str, skill: Skill, settings: DiscriminatorSettings, **labels: float
     ) -> DiscriminatorUpdate:
         """The update of a skill's network `name`, which is to say `labels` of two kinds of states."""
-        update = DiscriminatorUpdate(name, skill.network(name), labels, settings, self.seed)
+        update = DiscriminatorUpdate(name, skill.add_network(name), labels, settings, self.seed)
         return self._keep(f"update_{name}", update)
 
     def labelled_update(
         self, name: str, skill: Skill, distance: Distance, settings: LabelledSettings
     ) -> LabelledUpdate:
         """The update of a skill's network `name`, which is to say the label of every state; see `LabelledLoss`."""
-        network = skill.network(name, settings.floor)
+        network = skill.add_network(name, settings.floor)
         update = LabelledUpdate(name, network, distance, settings, self.seed)
         return self._keep(f"update_{name}", update)
 

@@ -133,7 +133,7 @@ class TurnUpdates(Training):
                 f"update_{name} goes on with {known.settings}, got {settings}: give it the same in every turn, or set "
                 "chain.carry_over=false"
             )
-        if known is not None and known.loss.network is not skill.network(name):
+        if known is not None and known.loss.network is not skill.networks.get(name):
             raise InvalidValueError(
                 f"a turn has one update of {name}, and it is of another skill than {skill.subtask}"
             )

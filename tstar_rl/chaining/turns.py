@@ -7,31 +7,30 @@ for turn in chain_turns(...):
         turn.log(rollout, log)
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from copy import deepcopy
 from typing import Any
 
 import torch
 from tensordict import TensorDictBase
+from torch import Tensor
 
-from tstar_rl.chaining.chain import save_chain
+from tstar_rl.chaining import turn_starts
 from tstar_rl.chaining.chain_training import ChainTraining
 from tstar_rl.chaining.seam import Seam
 from tstar_rl.chaining.signals import judge
 from tstar_rl.chaining.trials import Trial, run_trial
-from tstar_rl.chaining.turn_starts import TurnStarts
+from tstar_rl.chaining.turn_updates import TurnUpdates
 from tstar_rl.env.layout import NUM_PHASES, PARTS
 from tstar_rl.runs.chain_rows import calibration_rows, terminal_state_rows
 from tstar_rl.transforms.terminal_state_reward import TerminalStateReward
+from tstar_rl.updates import BehaviourCloningSettings
 
 __all__ = ["Seam", "Turn", "chain_turns"]
 
 
-class Turn(TurnStarts):
-    """The training of one skill of the chain for some rollouts.
-
-    What it learns with is in `TurnUpdates`, what it can do about its starts in `TurnStarts`.
-    """
+class Turn(TurnUpdates):
+    """The training of one skill of the chain for some rollouts. What it learns with is in `TurnUpdates`."""
 
     def __init__(self, chain: ChainTraining, index: int, seed: int) -> None:
         super().__init__(chain, index, seed)
@@ -55,6 +54,14 @@ class Turn(TurnStarts):
             if run.best.improved:
                 self.chain.save("best", self.steps)
         self.ended = True
+
+    def clone_from_ends(self, share: float, cloning: BehaviourCloningSettings) -> None:
+        """Clones the expert where the skill before ends; see `turn_starts.clone_from_ends`."""
+        turn_starts.clone_from_ends(self, share, cloning)
+
+    def begin_where_it_fails(self, expected: Callable[[Tensor], Tensor], share: float) -> None:
+        """Draws starts where failure is expected more often; see `turn_starts.begin_where_it_fails`."""
+        turn_starts.begin_where_it_fails(self, expected, share)
 
     def _end(self) -> dict[str, float]:
         """Lets the gate judge; returns its columns. The first turn's trial_steps count the episodes before it, too."""
@@ -127,24 +134,18 @@ class Turn(TurnStarts):
             self.run.terminal_states.extend(terminal_state_rows(self.steps, self.index, poses))
 
 
-def chain_turns(chain: ChainTraining, **record: Any) -> Iterator[Turn]:
+def chain_turns(chain: ChainTraining) -> Iterator[Turn]:
     """Algorithm 1's second loop: turns of the skills in chain.order, `rounds` times; goes on from a checkpoint.
 
     A checkpoint is written after every turn.
 
     Args:
         chain: what is trained, and how.
-        **record: plain values that are saved with the best and the last chain.
 
     Raises:
         RuntimeError: if a recipe leaves a turn before its last rollout, which no trial has judged then.
     """
     run, skills = chain.run, chain.skills
-
-    def save(name: str, steps: int) -> None:
-        save_chain(skills, run.work / name, **record, env_steps=steps)
-
-    chain.save = save
     run.start(chain=chain, **{f"skill{index}": skill for index, skill in enumerate(skills)})
     if unknown := chain.never_judged():
         print(
@@ -172,5 +173,5 @@ def chain_turns(chain: ChainTraining, **record: Any) -> Iterator[Turn]:
             f"{place}: this network was to be taught as a signal, and no turn that was kept has taught it: nothing was "
             "learned from what it said"
         )
-    save("last", run.env_steps)
+    chain.save("last", run.env_steps)
     run.finish()

@@ -77,12 +77,13 @@ def chain_turns(config: DictConfig, experts: Sequence[Demonstrations] | None = N
         rollouts=rollouts,
         training=training_settings(config, **values.ppo),
         workshop=workshop,
+        record=run.origin,
         gate=Gate(
             GateSettings(values.gate, values.gate_margin, values.trial_every),
             lambda known, first: run_trial(skills, workshop.trial(), values.path_steps, known, first),
         ),
     )
-    return turns.chain_turns(chain, **run.origin)
+    return turns.chain_turns(chain)
 
 
 def _check_sizes(config: DictConfig, skill: Skill) -> None:
