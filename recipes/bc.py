@@ -17,10 +17,8 @@ def main(config: DictConfig) -> None:
     expert = rl.load_demonstrations(config, config.subtask)
     run.start(skill=skill)
     skill.normalizer.fit(expert.observations, config.normalizer.floor)
-    cloning, seed = (
-        rl.settings(rl.BehaviourCloningSettings, config.bc),
-        rl.derive_seed(config.seed, "updates"),
-    )
+    cloning = rl.settings(rl.BehaviourCloningSettings, config.bc)
+    seed = rl.derive_seed(config.seed, "updates")
     run.log(0, **rl.behaviour_cloning(skill.policy, expert.observations, expert.actions, cloning, seed))
     skill.save(run.work / "last", **run.origin)
     run.finish()

@@ -45,13 +45,12 @@ def _follow(config: DictConfig, system: str, skills: Sequence[Skill]) -> list[di
     """A row for each skill; what it was handed is empty where none before has succeeded."""
     rows, episodes = [], config.evaluation.episodes
     reached: TensorDictBase | None = None
+
+    def make(subtask: int, number: int, starts: TerminationSet | None) -> TransformedEnv:
+        seed = evaluation_seed(config.seed, "hand_over", subtask)
+        return env_at_seam(config, seed, subtask, number, starts)
+
     for index, skill in enumerate(skills):
-
-        def make(subtask: int, number: int, starts: TerminationSet | None) -> TransformedEnv:
-            return env_at_seam(
-                config, evaluation_seed(config.seed, "hand_over", subtask), subtask, number, starts
-            )
-
         row: dict[str, Any] = {"system": system, "seed": config.seed, "checkpoint": config.checkpoint}
         row |= {"subtask": index, "episodes": episodes}
         own = run_from(make, index, skill, None, episodes)

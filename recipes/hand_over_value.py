@@ -48,9 +48,13 @@ def main(config: DictConfig) -> None:
             skill.initiation_set.extend_from(rollout)  # its critic's mean there is what counts as 1
             skill.termination_set.extend_from(turn.chained(rollout))
             log = update_f_phi(expert=turn.expert.observations, agent=rollout["observation"])
-            log |= update_policy(reward(rollout), turn.progress)
-            if own := rl.value_scale(skill, config.value_scale):
-                log |= update_error(*turn.critic_errors(rollout, own))
+            rollout, own = reward(rollout), rl.value_scale(skill, config.value_scale)
+            errors = (
+                turn.critic_errors(rollout, own) if own else None
+            )  # before the critic is fitted to this rollout
+            log |= update_policy(rollout, turn.progress)
+            if errors:
+                log |= update_error(*errors)
             turn.log(rollout, log)
 
 

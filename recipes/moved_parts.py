@@ -14,7 +14,7 @@ from tstar_rl.chaining.chain import ChainPolicy
 from tstar_rl.config.build import environment
 from tstar_rl.config.load import recipe
 from tstar_rl.config.seams import chain_of
-from tstar_rl.env.task_tables import subtask_geometry
+from tstar_rl.env.task_tables import joined_parts
 from tstar_rl.launch.evaluations import check_chain
 from tstar_rl.launch.run_folders import run_folder
 from tstar_rl.rollouts.episodes import run_episodes
@@ -28,12 +28,7 @@ def main(config: DictConfig) -> None:
     """Runs the chain and writes its table; prints how often each skill succeeds, with its part moved and not."""
     check_chain(config, config.system)
     skills, number = chain_of(config, config.system), config.evaluation.whole_episodes
-    subtasks = [subtask_geometry(config.task.name, index) for index in range(len(skills))]
-    parts = {
-        "part": [one["moving_part"] for one in subtasks],
-        "target": [one["target_part"] for one in subtasks],
-    }
-    watch = MovedParts(parts)
+    watch = MovedParts(joined_parts(config.task.name, len(skills)))
     env = environment(config, None, number, evaluation_seed(config.seed, "moved_parts"))
     with set_exploration_type(ExplorationType.DETERMINISTIC):
         run_episodes(env, ChainPolicy(skills).to(config.device), watch, enough=len(skills))

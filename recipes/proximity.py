@@ -12,14 +12,13 @@ starts.
 from omegaconf import DictConfig
 
 import tstar_rl as rl
-from tstar_rl.checks import InvalidValueError
 
 
 @rl.recipe("proximity", decay=float, proximity=rl.Section, from_checkpoint=str)
 def main(config: DictConfig) -> None:
     """As T-STAR, with a dense reward along the episode in the place of one at its end."""
     if config.chain.path_steps < 1:
-        raise InvalidValueError(
+        raise rl.InvalidValueError(
             f"P learns from the ends of episodes: chain.path_steps must be at least 1, got {config.chain.path_steps}"
         )
     f_phi = rl.settings(rl.DiscriminatorSettings, config.f_phi)

@@ -18,7 +18,6 @@ from dataclasses import asdict
 from omegaconf import DictConfig
 
 import tstar_rl as rl
-from tstar_rl.checks import InvalidValueError
 
 
 @rl.recipe("recover", recovery=rl.Section, feasibility=rl.Section, from_checkpoint=str)
@@ -28,7 +27,7 @@ def main(config: DictConfig) -> None:
     learning = rl.settings(rl.LabelledSettings, config.feasibility)
     skills, chain = rl.load_skills(config, checkpoint=config.from_checkpoint), config.chain
     if recovery.uses_f and chain.seed_episodes < 1:
-        raise InvalidValueError(
+        raise rl.InvalidValueError(
             "F learns from a run of the chain: chain.seed_episodes must be at least 1, got 0"
         )
     run = rl.Run(rl.plain(config))

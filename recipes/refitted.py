@@ -13,14 +13,13 @@ of every other input.
 from omegaconf import DictConfig
 
 import tstar_rl as rl
-from tstar_rl.checks import InvalidValueError
 
 
 @rl.recipe("refitted", from_checkpoint=str)
 def main(config: DictConfig) -> None:
     """Runs the chain once, widens every skill's normaliser, and saves the chain; logs how many inputs were widened."""
     if config.chain.path_steps < 1:
-        raise InvalidValueError(
+        raise rl.InvalidValueError(
             "normalisers see the ends of episodes: chain.path_steps must be at least 1, got 0"
         )
     skills, chain = rl.load_skills(config, checkpoint=config.from_checkpoint), config.chain

@@ -18,7 +18,7 @@ from tstar_rl.config.chain import check_links
 from tstar_rl.config.load import recipe
 from tstar_rl.config.recovery import chain_policy
 from tstar_rl.config.worlds import check_world
-from tstar_rl.env.task_tables import subtask_geometry
+from tstar_rl.env.task_tables import joined_parts
 from tstar_rl.launch.evaluations import check_chain
 from tstar_rl.launch.run_folders import run_folder
 from tstar_rl.rollouts.episodes import run_episodes
@@ -38,12 +38,7 @@ def main(config: DictConfig) -> None:
     policy = chain_policy(config, skills, chain_folders(place)).to(config.device)
     if not isinstance(policy, RecoveringChain):
         raise InvalidValueError(f"{place} is a chain without recovery: its arm never goes home")
-    subtasks = [subtask_geometry(task, index) for index in range(len(skills))]
-    parts = {
-        "part": [one["moving_part"] for one in subtasks],
-        "target": [one["target_part"] for one in subtasks],
-    }
-    watch = WaysHome(policy, parts)
+    watch = WaysHome(policy, joined_parts(task, len(skills)))
     episodes, seed = config.evaluation.whole_episodes, evaluation_seed(config.seed, "ways_home")
     torch.manual_seed(seed)
     env = environment(config, None, episodes, seed)

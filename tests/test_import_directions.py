@@ -126,7 +126,7 @@ def test_reading_results_needs_no_torchrl(path):
     assert not roots(path) & {"torchrl", "tensordict"}
 
 
-@pytest.mark.parametrize("package", [tstar_rl, tstar_rl.config, tstar_rl.spirl])
+@pytest.mark.parametrize("package", [tstar_rl, tstar_rl.spirl])
 def test_every_public_name_is_found_in_its_room(package):
     assert set(package.HOMES) == set(package.__all__) - {"__version__"}
     for name in package.__all__:

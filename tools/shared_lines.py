@@ -13,7 +13,7 @@ import tokenize
 from collections import Counter
 from pathlib import Path
 
-from tstar_rl.config.unread import FINE_TUNING, ONE_POLICY
+from tstar_rl.config.recipe_kinds import FINE_TUNING, ONE_POLICY
 
 RECIPES = Path(__file__).resolve().parents[1] / "recipes"
 SYSTEMS = (*ONE_POLICY, *FINE_TUNING)

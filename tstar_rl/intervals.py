@@ -5,8 +5,12 @@ import math
 __all__ = ["share_columns", "wilson_interval"]
 
 
-def wilson_interval(successes: float, episodes: int, z: float = 1.96) -> tuple[float, float]:
-    """Confidence interval of a share, 95% at z = 1.96.
+Z = 1.96
+"""Deviations of a normal distribution that 95% of it lie within."""
+
+
+def wilson_interval(successes: float, episodes: int) -> tuple[float, float]:
+    """The 95% confidence interval of a share.
 
     Of values between 0 and 1, with `successes` their sum, it is too wide, since these vary less than a share's 0 and 1.
 
@@ -14,9 +18,9 @@ def wilson_interval(successes: float, episodes: int, z: float = 1.96) -> tuple[f
     """
     if episodes < 1 or not 0 <= successes <= episodes:
         raise ValueError(f"need 0 <= successes <= episodes and episodes >= 1, got {successes} of {episodes}")
-    share, scale = successes / episodes, 1 + z**2 / episodes
-    centre = (share + z**2 / (2 * episodes)) / scale
-    half = z / scale * math.sqrt(share * (1 - share) / episodes + z**2 / (4 * episodes**2))
+    share, scale = successes / episodes, 1 + Z**2 / episodes
+    centre = (share + Z**2 / (2 * episodes)) / scale
+    half = Z / scale * math.sqrt(share * (1 - share) / episodes + Z**2 / (4 * episodes**2))
     return max(centre - half, 0.0), min(centre + half, 1.0)
 
 

@@ -179,7 +179,7 @@ MISTAKES = [
     ("hand_over", ["systems=[]"], "systems must name at least one, got none"),
     ("assemble", ["seeds=[]"], "seeds must name at least one, got none"),
     ("spirl", ["spirl.num_envs=0"], "spirl.num_envs must be a whole number from 1, got 0"),
-    ("spirl", ["spirl.model.decoder=deep"], "spirl.model.decoder must be open_loop or closed_loop, got 'deep'"),
+    ("spirl", ["spirl.model.decoder=deep"], "spirl.model.decoder must be one of open_loop, closed_loop; got 'deep'"),
     ("spirl", ["spirl.capacity=500", "spirl.policy.first=501"], "capacity must be at least .*first, .*got 500 and 501"),
     ("spirl", ["spirl.model.hidden=[64,0]"], r"spirl.model.hidden must be sizes of at least 1, got \(64, 0\)"),
     ("spirl", ["spirl.policy.critic_hidden=[-1]"], r"spirl.policy.critic_hidden must be sizes of at .* got \(-1,\)"),

@@ -1,11 +1,16 @@
 """Values that name what a recipe does are checked before it begins, those in lists too."""
 
+import inspect
+
 import pytest
+import torch
 
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.config import ranges
 from tstar_rl.config.ranges import check_ranges_of
+from tstar_rl.config.unread import MOMENTUM, PAPERS
 from tstar_rl.rollouts import episodes
+from tstar_rl.transforms import TerminalStateReward
 
 CONFIG = {"task": {"name": "table_lack", "subtasks": 4}, "subtask": None}
 
@@ -32,3 +37,9 @@ def test_names_that_are_some_pass():
     lists = {"formats": ["hdf5"], "modes": ["stochastic"], "mode": "stochastic", "kinds": ["noisy"]}
     check_ranges_of({**CONFIG, **lists, "demonstrations": {"kind": "plain", "may_differ": ["snap"]}})
     assert tuple(episodes.MODES) == ranges.MODES
+
+
+def test_the_momentum_that_is_not_set_is_the_one_that_the_reward_has():
+    reward = TerminalStateReward(torch.nn.Identity())
+    assert inspect.signature(TerminalStateReward).parameters["momentum"].default == MOMENTUM
+    assert all(getattr(reward, name) == value for name, value in PAPERS.items())

@@ -42,7 +42,7 @@ def test_errors_are_those_of_the_means():
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ({"decoder": "loop"}, "must be open_loop or closed_loop, got 'loop'"),
+        ({"decoder": "loop"}, "must be one of open_loop, closed_loop; got 'loop'"),
         ({"horizon": 0}, "LatentModelSettings.horizon must be at least 1, got 0"),
         ({"latent_dim": 0}, "LatentModelSettings.latent_dim must be at least 1, got 0"),
     ],

@@ -71,7 +71,9 @@ def test_every_recipe_that_trains_is_counted():
     recipes = {path.stem: path.read_text() for path in tool.RECIPES.glob("*.py")}
     training = {name for name, text in recipes.items() if any(call in text for call in trains)}
     assert {"gail_ppo", "tstar"} <= training
-    assert training <= set(tool.SYSTEMS), "name it in FINE_TUNING or ONE_POLICY of tstar_rl/config/unread.py"
+    assert training <= set(tool.SYSTEMS), (
+        "name it in FINE_TUNING or ONE_POLICY of tstar_rl/config/recipe_kinds.py"
+    )
 
 
 def test_the_command_prints_every_pair(monkeypatch, capsys):

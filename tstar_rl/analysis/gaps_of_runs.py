@@ -8,7 +8,7 @@ import pandas as pd
 from tstar_rl.analysis.experiments import Experiment
 from tstar_rl.analysis.hand_over_gap import product_of_skills
 from tstar_rl.analysis.tables import config_of
-from tstar_rl.runs.run_folder import is_untrained, run_path
+from tstar_rl.runs.run_folder import SKILLS, is_untrained, run_path
 
 __all__ = ["hand_over_gaps", "links_of"]
 
@@ -35,7 +35,7 @@ def hand_over_gaps(experiment: Experiment, task: str, checkpoint: str = "last") 
         else:
             config = config_of(run_path(experiment.root, task, arm, seed))
             begun = checkpoint if is_untrained(arm) else config.get("from_checkpoint", "last")
-            found = alone.get((config.get("skills", "gail_ppo"), seed, begun))
+            found = alone.get((config.get("skills", SKILLS), seed, begun))
             own = [] if found is None else _of_whole_chain(found, "success", row)
         progress, product = float(row["progress"]), product_of_skills(own) if own else math.nan
         line = {"arm": arm, "seed": seed, "progress": progress, "product": product}

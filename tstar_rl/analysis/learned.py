@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import pandas as pd
 
+from tstar_rl.runs.run_folder import SKILLS
+
 __all__ = ["Learned", "evaluated_skills", "learned_skills"]
 
 ROUNDING = 1e-9
@@ -24,7 +26,7 @@ class Learned:
     mean: float
     lowest: float
     seeds: int
-    skills: str = "gail_ppo"
+    skills: str = SKILLS
 
 
 def evaluated_skills(rule: Learned, evaluations: pd.DataFrame, task: str) -> pd.DataFrame:

@@ -15,7 +15,7 @@ from tstar_rl.analysis.experiments import SEED, Experiment, TaskScores
 from tstar_rl.analysis.gaps_of_runs import links_of
 from tstar_rl.analysis.tables import config_of
 from tstar_rl.analysis.task_statistics import improvement_over_tasks, interquartile_interval
-from tstar_rl.runs.run_folder import run_path
+from tstar_rl.runs.run_folder import SKILLS, run_path
 
 __all__ = [
     "arms_with",
@@ -129,7 +129,7 @@ def skills_of_tasks(experiment: Experiment, arm: str) -> dict[str, list[float]]:
         seeds = runs["seed"].tolist()
         if not seeds:
             continue
-        source = config_of(run_path(experiment.root, task, arm, seeds[0])).get("skills", "gail_ppo")
+        source = config_of(run_path(experiment.root, task, arm, seeds[0])).get("skills", SKILLS)
         if len(skills):
             skills = skills[(skills["task"] == task) & (skills["arm"] == source) & skills["seed"].isin(seeds)]
             skills = skills[(skills["checkpoint"] == "last") & (skills["mode"] == "deterministic")]

@@ -161,15 +161,11 @@ def short_commit(commit: str) -> str:
     return "+".join(one[:7] + end for one, end in parts)
 
 
-def whole_task(
-    evaluations: pd.DataFrame, task: str, checkpoint: str | None = None, mode: str | None = None
-) -> pd.DataFrame:
+def whole_task(evaluations: pd.DataFrame, task: str) -> pd.DataFrame:
     """The rows of chains, and of policies for the whole task, in the order of their seeds."""
     if evaluations.empty:
         return evaluations
     chosen = evaluations[(evaluations.task == task) & (evaluations.subtask == -1)]
-    for name, value in (("checkpoint", checkpoint), ("mode", mode)):
-        chosen = chosen if value is None else chosen[chosen[name] == value]
     return chosen.sort_values("seed", kind="stable")
 
 

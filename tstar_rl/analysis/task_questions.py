@@ -11,7 +11,7 @@ from scipy.stats import binomtest, norm
 from tstar_rl.analysis.experiments import SEED, TaskScores
 from tstar_rl.analysis.over_tasks import paired_scores
 from tstar_rl.analysis.questions import POWER
-from tstar_rl.analysis.statistics import drawn_means, drawn_seeds
+from tstar_rl.analysis.statistics import DIGITS, drawn_means, drawn_seeds
 from tstar_rl.analysis.task_statistics import improvement_over_tasks
 
 __all__ = ["TaskQuestion", "answer_over_tasks", "compare_over_tasks", "paired_runs", "sign_test"]
@@ -77,7 +77,7 @@ def sign_test(wins: int, tasks: int) -> float:
 
 
 def _mean_of_seeds(seeds: Sequence[np.ndarray]) -> float:
-    return round(float(np.mean([np.mean(episodes) for episodes in seeds])), 12)
+    return round(float(np.mean([np.mean(episodes) for episodes in seeds])), DIGITS)
 
 
 def paired_runs(scores: TaskScores, first: str, second: str) -> int:

@@ -102,7 +102,7 @@ def critic_errors(
 ) -> tuple[Tensor, Tensor]:
     """The squared temporal difference error of a skill's critic in the first step of every episode of a rollout.
 
-    Of a rollout that the critic was just fitted to it says too little.
+    To be asked before the critic is fitted to this rollout: of one that it has just learned from it says too little.
 
     Args:
         rollout: any shape, with ("next", "reward") and the step count.

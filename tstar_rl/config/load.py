@@ -22,12 +22,13 @@ from omegaconf import DictConfig, open_dict
 from tstar_rl.config.check import ConfigError, check
 from tstar_rl.config.command_line import command_line, told_in_words
 from tstar_rl.config.ranges import check_machine, check_ranges_of, find
+from tstar_rl.config.recipe_kinds import OURS
 from tstar_rl.config.schema import SECTIONS, Config, Section
-from tstar_rl.config.unread import ONE_POLICY, OURS, check_what_is_not_read
+from tstar_rl.config.unread import check_what_is_not_read
 from tstar_rl.config.values import CONFIGS, plain
 from tstar_rl.runs.run_folder import RECIPES
 
-__all__ = ["ONE_POLICY", "check_config", "recipe"]
+__all__ = ["check_config", "recipe"]
 
 SAID_BY_THE_NEXT = ("reward_tsr", "reward_proximity")
 """The library's rewards that a skill gets from the next one alone."""
@@ -60,14 +61,14 @@ def recipe(name: str, **own: Any) -> Callable[[Callable[[DictConfig], None]], Ca
 
             torch.set_num_threads(config.torch_threads)
             logging.getLogger("torchrl").setLevel(logging.WARNING)
-            function(_made_by(name, config))
+            function(_with_recipe_name(name, config))
 
         return command_line(body, CONFIGS, name, partial(check_config, name=name))
 
     return decorate
 
 
-def _made_by(name: str, config: DictConfig) -> DictConfig:
+def _with_recipe_name(name: str, config: DictConfig) -> DictConfig:
     """A copy of the config that says which recipe it is of, as the config.yaml and the checkpoints of its run then do.
 
     Two recipes that were given one system find out by it: the second does not go on with the first one's run.

@@ -10,48 +10,21 @@ from typing import Any
 from tstar_rl.chaining.warm_up import check_that_policies_learn
 from tstar_rl.config.check import ConfigError
 from tstar_rl.config.ranges import turn_shape
+from tstar_rl.config.recipe_kinds import (
+    FINE_TUNING,
+    IN_ORDER,
+    LAUNCHING,
+    LEARN_FROM_KEPT,
+    LEARN_FROM_PATHS,
+    OF_CHAINS,
+    ONE_POLICY,
+    STEPS,
+    WHOLE,
+)
 from tstar_rl.runs.run_folder import SKILLS, UNTRAINED, is_untrained
 
-__all__ = ["FINE_TUNING", "ONE_POLICY", "OURS", "check_what_is_not_read"]
+__all__ = ["check_what_is_not_read"]
 
-ONE_POLICY = ("bc", "ppo", "gail", "gail_ppo", "spirl")
-"""Recipes that train one policy, of a subtask or of the whole task."""
-WHOLE = ("ablate", "assemble", "baselines", "experiment", "gpu_run")
-"""Recipes that start others for the whole task."""
-LAUNCHING = ("ablate", "assemble", "baselines")
-"""Those of them that can start them on a cluster."""
-OF_CHAINS = ("anatomy", "hand_over", "hand_over_gap", "moved_parts", "ship", "terminal_states", "ways_home")
-"""Recipes that read what a chain's training has left."""
-FINE_TUNING = (
-    "feasibility", "hand_over_value", "in_order", "in_order_cloned", "policy_sequencing", "proximity", "scar_like",
-    "tstar",
-)  # fmt: skip
-"""Our recipes with the turns of a chain. A recipe of a user's own may read anything."""
-STEPS = (
-    *ONE_POLICY,
-    *FINE_TUNING,
-    *OF_CHAINS,
-    *(
-        "evaluate",
-        "evaluate_expert",
-        "evaluate_shelf",
-        "exchanged",
-        "export",
-        "parity",
-        "plot",
-        "plot_latents",
-    ),
-    *("floored", "make_demonstrations", "recover", "refitted", "report", "watch"),
-)
-"""Our recipes that start no other."""
-OURS = (*STEPS, *WHOLE, "bench", "bench_growth")
-"""All recipes of the library: whose own keys `ranges` and this module know."""
-IN_ORDER = ("in_order", "in_order_cloned")
-"""Recipes that clone a skill's demonstrations when its turn comes."""
-LEARN_FROM_KEPT = ("feasibility", "hand_over_value", "scar_like", "tstar")
-"""Recipes whose signal learns from the rows that chain.kept_states keeps."""
-LEARN_FROM_PATHS = ("proximity", "refitted")
-"""Recipes that read the states on the way, of which chain.path_steps keeps the last."""
 PAPERS = {"score": "terminal", "baseline": "none"}
 """Of terminal_reward: the paper's, which every scale has."""
 MOMENTUM = 0.01

@@ -100,8 +100,8 @@ class Demonstrations:
             raise ValueError(f"demonstrations of kind {self.kind} are not saved; valid: {', '.join(KINDS)}")
         header = {"format_version": FORMAT_VERSION, **{name: getattr(self, name) for name in HEADER}}
         arrays = {name: getattr(self, name).numpy() for name in ARRAYS}
-        for key, value in self.snapshots.items(True, True):
-            arrays["snapshot/" + (key if isinstance(key, str) else "/".join(key))] = value.numpy()
+        for name, value in self.snapshots.flatten_keys("/").items():
+            arrays[f"snapshot/{name}"] = value.numpy()
         if self.noise is not None:
             arrays[NOISE] = np.array(self.noise, np.float64)
         if self.furniture is not None:
@@ -129,10 +129,12 @@ class Demonstrations:
             raise DemonstrationError(
                 f"{path}: field task, subtask is {header['task']}, {header['subtask']}; wanted {task}, {subtask}"
             )
-        snapshots = TensorDict({}, [int(arrays["lengths"].sum())])
-        for name, array in arrays.items():
-            if name.startswith("snapshot/"):
-                snapshots[tuple(name.split("/")[1:])] = torch.from_numpy(array)
+        flat = {
+            name.removeprefix("snapshot/"): torch.from_numpy(array)
+            for name, array in arrays.items()
+            if name.startswith("snapshot/")
+        }
+        snapshots = TensorDict(flat, [int(arrays["lengths"].sum())]).unflatten_keys("/")
         return cls(
             **header,
             **{name: torch.from_numpy(arrays[name]) for name in ARRAYS},

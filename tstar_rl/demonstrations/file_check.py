@@ -202,11 +202,8 @@ def snapshot_layout(task: str) -> dict[str, tuple[tuple[int, ...], np.dtype]]:
 
     env = FurnitureEnv(task, nthread=1)
     try:
-        entries = env.snapshot().items(True, True)
-        names = {key if isinstance(key, str) else "/".join(key): value for key, value in entries}
-        return {
-            f"snapshot/{name}": (tuple(value.shape[1:]), value.numpy().dtype) for name, value in names.items()
-        }
+        entries = env.snapshot().flatten_keys("/").items()
+        return {f"snapshot/{name}": (tuple(value.shape[1:]), value.numpy().dtype) for name, value in entries}
     finally:
         env.close()
 

@@ -21,6 +21,7 @@ __all__ = [
     "DEFAULT_SETTINGS",
     "check_task",
     "furniture_digest",
+    "joined_parts",
     "observation_dim",
     "part_names",
     "subtask_geometry",
@@ -60,6 +61,17 @@ def subtask_geometry(task: str, subtask: int) -> dict[str, Any]:
         ValueError: if the task has no such subtask.
     """
     return table_geometry(RecipeTables(library.load(task), torch.device("cpu")), subtask)
+
+
+def joined_parts(task: str, links: int) -> dict[str, list[int]]:
+    """Of the first subtasks the part that each moves and its target, by their places in the observation.
+
+    Raises:
+        ValueError: if the task has fewer subtasks.
+    """
+    steps = [subtask_geometry(task, index) for index in range(links)]
+    of = {"part": "moving_part", "target": "target_part"}
+    return {name: [step[which] for step in steps] for name, which in of.items()}
 
 
 def table_geometry(tables: RecipeTables, subtask: int) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from typing import Any
 
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.check import check
-from tstar_rl.config.load import ONE_POLICY
+from tstar_rl.config.recipe_kinds import ONE_POLICY
 from tstar_rl.config.values import task_section
 from tstar_rl.experiments.declared import Arm, DeclaredExperiment
 from tstar_rl.runs.run_folder import RECIPES, UNTRAINED, is_untrained

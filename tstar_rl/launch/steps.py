@@ -13,8 +13,8 @@ from omegaconf import DictConfig
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.check import ConfigError
 from tstar_rl.config.demonstrations import check_made, demonstrated, demonstrations_path
-from tstar_rl.config.load import ONE_POLICY
 from tstar_rl.config.load import check_config as check_values
+from tstar_rl.config.recipe_kinds import ONE_POLICY
 from tstar_rl.config.values import plain
 from tstar_rl.launch.evaluations import is_evaluated
 from tstar_rl.launch.run_folders import evaluated_runs, run_folder

@@ -112,7 +112,6 @@ class Standardizer(Normalizer):
     Args:
         obs_dim: size of an observation.
         floor: least deviation, in the units of the observation.
-        clip: largest absolute value that comes out.
 
     Raises:
         ValueError: if the floor is not positive.
@@ -120,9 +119,9 @@ class Standardizer(Normalizer):
 
     floor: Tensor
 
-    def __init__(self, obs_dim: int, floor: float, clip: float = 5.0) -> None:
+    def __init__(self, obs_dim: int, floor: float) -> None:
         _check_floor(floor)
-        super().__init__(obs_dim, clip)
+        super().__init__(obs_dim)
         self.register_buffer("floor", torch.tensor(floor, dtype=torch.float64))
 
     def standardize(self, obs: Tensor) -> None:

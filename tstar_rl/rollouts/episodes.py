@@ -9,7 +9,7 @@ from torch import nn
 from torchrl.envs import ExplorationType, TransformedEnv, set_exploration_type
 
 from tstar_rl.checks import InvalidValueError
-from tstar_rl.intervals import wilson_interval
+from tstar_rl.intervals import share_columns
 
 __all__ = ["MODES", "check_modes", "evaluate", "run_episodes", "same_policy", "summarize"]
 
@@ -84,14 +84,9 @@ def summarize(
     shorter = subtask is None and todo < num_subtasks
     success = completed >= todo if shorter else last["next", "success"].squeeze(-1)
     episodes, successes = len(success), int(success.sum())
-    low, high = wilson_interval(successes, episodes)
-    row: dict[str, Any] = {
-        "episodes": episodes,
-        "progress": float(completed.clamp(max=todo).double().mean()) / todo,
-        "success": successes / episodes,
-        "success_low": low,
-        "success_high": high,
-    }
+    progress = float(completed.clamp(max=todo).double().mean()) / todo
+    row: dict[str, Any] = {"episodes": episodes, "progress": progress}
+    row |= share_columns("success", successes, episodes)
     for index in range(num_subtasks):
         run = index < todo if subtask is None else index == subtask
         share = row["success"] if index == subtask else float((completed > index).double().mean())

@@ -1,12 +1,11 @@
 """Shows the first success and the first failure of an evaluation: films, and a page that plays them."""
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from tensordict import TensorDictBase
 
-from tstar_rl.rollouts.watching import EpisodeLog, StepSignal
+from tstar_rl.rollouts.watching import EpisodeLog
 
 __all__ = ["Recorder"]
 
@@ -24,7 +23,6 @@ class Recorder:
         env: with `qpos_of`, `write_mp4` and `write_player`, and snapshots=True.
         number: how many simulations are recorded, from the first on; 0: none; None: all. That takes 4 (nq + 5) bytes a
             step of each: 31 MB for 200 episodes of 800 steps.
-        signals: what else to show of each step, by name.
         enough: see `EpisodeLog`.
     """
 
@@ -32,13 +30,12 @@ class Recorder:
         self,
         env: Any,
         number: int | None = None,
-        signals: Mapping[str, StepSignal] | None = None,
         enough: int | None = None,
     ) -> None:
         if number is not None and number < 0:
             raise ValueError(f"number must not be negative, got {number}")
         self.env, self.number = env, number
-        self.log = EpisodeLog(env, number, signals, enough)
+        self.log = EpisodeLog(env, number, enough=enough)
 
     def __call__(self, tensordict: TensorDictBase) -> None:
         """Takes the step's TensorDict, batch [N]."""

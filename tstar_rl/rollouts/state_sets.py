@@ -34,16 +34,15 @@ class StateSet:
 
     Args:
         capacity: states kept; the oldest go first.
-        device: where they are kept.
 
     Raises:
         ValueError: if the capacity is not positive.
     """
 
-    def __init__(self, capacity: int = 10_000, device: torch.device | str = "cpu") -> None:
+    def __init__(self, capacity: int = 10_000) -> None:
         if capacity < 1:
             raise ValueError(f"capacity must be at least 1, got {capacity}")
-        self.capacity, self.device = capacity, torch.device(device)
+        self.capacity, self.device = capacity, torch.device("cpu")
         self.changes = 0
         """How often the set has changed since it was made; whoever derives something from it can tell."""
         self.clear()

@@ -40,8 +40,8 @@ class Run:
 
     Args:
         config: plain values; recorded, and compared when resuming. Read are task.name, system, seed, results_dir and
-            runs_dir, which say where the run lies, resume, progress_bar and, where there is one, env. A recipe's have
-            its name, "recipe".
+            runs_dir, which say where the run lies, resume, progress_bar and, where there is one, env. Configs of a
+            recipe also have "recipe", its name.
         subtask: that the run trains, or None.
         total: environment steps, for the bar.
         trials: whether the best so far is told by trials; see `BestSoFar`.
@@ -107,7 +107,7 @@ class Run:
 
         Raises:
             NothingToDo: if it has finished, and no more steps are asked for.
-            MissingFileError: if it has, and its tables are elsewhere; or if it is here in part, see `_check_alone`.
+            MissingFileError: if it has, and its tables are elsewhere; or if it is here in part.
             CheckpointMismatchError: when resuming a run that had another config, or where one of another has finished,
                 or where the tables are those of another. Nothing is touched then.
             DamagedCheckpointError: if the newest checkpoint is not as it was written. Nothing is touched then.
@@ -116,44 +116,49 @@ class Run:
         self.components = {**components, "run": self, "rng": GlobalRNGState()}
         for name in ("best", "last"):
             put_back(self.work / name)
-        found = checkpoint.latest(self.work / "checkpoints") if self.config["resume"] else None
-        finished = self.work / FINISHED
+        found = None
         if self.config["resume"]:
+            found = checkpoint.latest(self.work / "checkpoints")
             self._check_tables()
+            if found is None:
+                self._check_that_nothing_is_lost()
         if found is None:
-            if self.config["resume"] and finished.is_file():
-                self._check_steps()
-                self._stop_if_done()
-            if self.config["resume"]:
-                self._check_alone()
-            self._forget_measurements()
-            finished.unlink(missing_ok=True)  # before the rest: what is half deleted is not done
-            for name in ("checkpoints", *SAVED):
-                remove_folder(self.work / name)
-            for name in LOGS:
-                getattr(self, name).truncate(0)
-            write_config(self.results, {**self.config, **self.notes})
+            self._begin_anew()
         else:
-            try:
-                saved = checkpoint.read_record(found)
-                begun = as_begun(saved, known_then(saved, self.record))
-                checkpoint.read_record(found, **begun)
-                changed = [section for section in begun if begun[section] != self.record[section]]
-                self._stop_if_done(changed)  # before its tables go back to the checkpoint
-                checkpoint.load(found, self.components, **begun)
-            except (CheckpointMismatchError, checkpoint.DamagedCheckpointError, LogError) as error:
-                raise type(error)(f"{error} (resume=false starts over)") from error
-            if changed:
-                self._forget_measurements()  # of the run with fewer steps
-            finished.unlink(missing_ok=True)  # before the rest: until it is done again
-            if not read_config(self.results):
-                restore_config(self.results, self.config)
-            note_resumed(self.results, self.env_steps)
-            for section in changed:  # that of more steps, if any
-                note_section(self.results, section, self.record[section])
+            self._go_on(found)
         self.bar.update(self.env_steps - self.bar.n)
         self._clock = time.perf_counter()
         return self.env_steps
+
+    def _begin_anew(self) -> None:
+        """Deletes what is there, and writes the config."""
+        self._forget_measurements()
+        (self.work / FINISHED).unlink(missing_ok=True)  # before the rest: what is half deleted is not done
+        for name in ("checkpoints", *SAVED):
+            remove_folder(self.work / name)
+        for name in LOGS:
+            getattr(self, name).truncate(0)
+        write_config(self.results, {**self.config, **self.notes})
+
+    def _go_on(self, found: Path) -> None:
+        """Loads the checkpoint, if it is of this run, and notes that the run went on."""
+        try:
+            saved = checkpoint.read_record(found)
+            begun = as_begun(saved, known_then(saved, self.record))
+            checkpoint.read_record(found, **begun)
+            changed = [section for section in begun if begun[section] != self.record[section]]
+            self._stop_if_done(changed)  # before its tables go back to the checkpoint
+            checkpoint.load(found, self.components, **begun)
+        except (CheckpointMismatchError, checkpoint.DamagedCheckpointError, LogError) as error:
+            raise type(error)(f"{error} (resume=false starts over)") from error
+        if changed:
+            self._forget_measurements()  # of the run with fewer steps
+        (self.work / FINISHED).unlink(missing_ok=True)  # before the rest: until it is done again
+        if not read_config(self.results):
+            restore_config(self.results, self.config)
+        note_resumed(self.results, self.env_steps)
+        for section in changed:  # that of more steps, if any
+            note_section(self.results, section, self.record[section])
 
     def _forget_measurements(self) -> None:
         """Deletes what was measured of the run that lies here; of a skill's also what was of its untrained chains."""
@@ -183,8 +188,14 @@ class Run:
         if not saved.get("evaluation_only"):
             check_config(self.results, saved, as_begun(saved, known_then(saved, self.record)))
 
-    def _check_alone(self) -> None:
-        """Raises MissingFileError if a run that has ended is here in part: its tables alone, or what it trained."""
+    def _check_that_nothing_is_lost(self) -> None:
+        """Raises what `start` does where a run without checkpoints has ended, or is here in part.
+
+        In part are its tables alone, or what it trained alone.
+        """
+        if (self.work / FINISHED).is_file():
+            self._check_steps()
+            self._stop_if_done()
         if (self.work / "last").is_dir() and not (self.work / FINISHED).is_file():
             raise MissingFileError(
                 f"{self.work} has what a run trained, last, and neither {FINISHED} nor checkpoints to go on from: copy "

@@ -10,7 +10,7 @@ from tensordict.nn import InteractionType, TensorDictModule
 from torch import Tensor, nn
 from torchrl.modules import MLP, IndependentNormal, ProbabilisticActor, ValueOperator
 
-from tstar_rl.checks import InvalidValueError, check_ranges, check_sizes
+from tstar_rl.checks import check_choices, check_ranges, check_sizes
 from tstar_rl.models.state_input import StateInput
 
 __all__ = [
@@ -45,10 +45,7 @@ class LatentModelSettings:
     def __post_init__(self) -> None:
         check_ranges(self, count=("horizon", "latent_dim", "recurrent_size"))
         check_sizes(self, "hidden")
-        if self.decoder not in ("open_loop", "closed_loop"):
-            raise InvalidValueError(
-                f"LatentModelSettings.decoder must be open_loop or closed_loop, got {self.decoder!r}"
-            )
+        check_choices(self, decoder=("open_loop", "closed_loop"))
 
 
 def _mlp(inputs: int, outputs: int, hidden: Sequence[int]) -> MLP:

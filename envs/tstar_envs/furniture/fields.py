@@ -60,9 +60,9 @@ class Fields:
             raise FurnitureError(f"{self.at(key)}: got {short(value)}, expected {expected}")
         return tuple(Fields({key: item}, self.where).number(key) for item in value)
 
-    def lengths(self, key: str, count: int, default: Any = _MISSING) -> Any:
+    def lengths(self, key: str, count: int) -> Any:
         """Returns lengths or positions in m, none of them further than `MAX_LENGTH`."""
-        value = self.numbers(key, count, default)
+        value = self.numbers(key, count)
         check_lengths(self.at(key), value)
         return value
 

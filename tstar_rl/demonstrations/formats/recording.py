@@ -74,9 +74,9 @@ def differences(first: Episode, second: Episode) -> list[str]:
     found = []
     for name in ("observations", "actions", "rewards", "terminated", "truncated", "success"):
         found += _difference(name, getattr(first, name), getattr(second, name))
-    for key, value in first.states.items(True, True):
-        name = key if isinstance(key, str) else "/".join(key)
-        found += _difference(f"states/{name}", value, second.states[key])
+    states, others = (episode.states.flatten_keys("/") for episode in (first, second))
+    for name, value in states.items():
+        found += _difference(f"states/{name}", value, others[name])
     return found
 
 

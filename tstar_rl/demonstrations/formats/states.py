@@ -56,8 +56,7 @@ class StateLayout:
     def of(cls, snapshots: TensorDictBase) -> "StateLayout":
         """The layout of snapshots of batch [T]."""
         found = []
-        for key, value in snapshots.items(True, True):
-            name = key if isinstance(key, str) else "/".join(key)
+        for name, value in snapshots.flatten_keys("/").items():
             found.append(Entry(name, tuple(value.shape[1:]), str(value.dtype).removeprefix("torch.")))
         return cls(found)
 
@@ -81,7 +80,8 @@ class StateLayout:
 
     def rows(self, snapshots: TensorDictBase) -> Tensor:
         """Snapshots of batch [T] as (T, D) float64."""
-        columns = [snapshots[tuple(entry.name.split("/"))] for entry in self.entries]
+        flat = snapshots.flatten_keys("/")
+        columns = [flat[entry.name] for entry in self.entries]
         return torch.cat([column.reshape(len(column), -1).to(torch.float64) for column in columns], dim=-1)
 
     def snapshots(self, rows: Tensor) -> TensorDict:
@@ -92,10 +92,10 @@ class StateLayout:
         """
         if rows.shape[-1] != self.size:
             raise ValueError(f"a state has {rows.shape[-1]} numbers, but its layout has {self.size}")
-        found = TensorDict({}, [len(rows)])
+        found: dict[str, Tensor] = {}
         for entry, column in zip(
             self.entries, rows.split([e.size for e in self.entries], dim=-1), strict=True
         ):
             value = column.reshape(len(rows), *entry.shape)
-            found[tuple(entry.name.split("/"))] = value.to(DTYPES[entry.dtype], copy=True)
-        return found
+            found[entry.name] = value.to(DTYPES[entry.dtype], copy=True)
+        return TensorDict(found, [len(rows)]).unflatten_keys("/")
