@@ -102,13 +102,18 @@ class WrongPairs:
             for s in furniture.steps
         ]
         ends = [(names[part], connector.name) for part, connector in listed]
+        self.pairs = [(".".join(ends[i]), ".".join(ends[j])) for i, j in pairs]
         self.allowed = torch.tensor(  # (K, P): made by step k or, being welded already, by one before it
             [[{ends[i], ends[j]} in step_pairs[: k + 1] for i, j in pairs] for k in range(len(step_pairs))],
             dtype=torch.bool, device=device,
         )  # fmt: skip
 
     def made(self, part_poses: Tensor, held: Tensor, subtask: Tensor) -> Tensor:
-        """(n,) bool: a held part is aligned with a connector that is not its own.
+        """(n,) bool: a held part is aligned with a connector that is not its own; takes what `which` does."""
+        return self.which(part_poses, held, subtask).any(-1)
+
+    def which(self, part_poses: Tensor, held: Tensor, subtask: Tensor) -> Tensor:
+        """(n, P) bool: by which of the `pairs` a held part is aligned with a connector that is not its own.
 
         Args:
             part_poses: (n, parts, 7), world. held: (n, parts) bool, touched by both fingers. subtask: (n,).
@@ -119,10 +124,10 @@ class WrongPairs:
         wrong = held[:, self.part[self.first]] & ~self.allowed[subtask]
         wrong &= apart.square().sum(-1) < MAX_DISTANCE**2
         if not bool(wrong.any()):  # as good as always: the axes need not be looked at
-            return wrong.any(-1)
+            return wrong
         frames = geometry.quat_to_matrix(
             geometry.quat_mul(poses[..., 3:], self.quat.expand(len(poses), -1, -1))
         )
         ends = [x[:, i].flatten(0, 1) for i in (self.first, self.second) for x in (points, frames)]
         aligned = align(*ends, self.angles.repeat(len(poses), 1)).aligned
-        return (wrong & aligned.reshape(wrong.shape)).any(-1)
+        return wrong & aligned.reshape(wrong.shape)

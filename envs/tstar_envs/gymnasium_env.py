@@ -10,6 +10,7 @@ Gymnasium 1 looks for no plugins, so either the import or an id that names it, `
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import gymnasium
@@ -18,27 +19,35 @@ from tensordict import TensorDict
 
 from tstar_envs.checks import finite_number
 from tstar_envs.environment import BatchedEnvironment
-from tstar_envs.furniture import library
-from tstar_envs.gymnasium_shared import INFO, METADATA, Camera, begin, read_options, spaces
+from tstar_envs.furniture import FurnitureError, library
+from tstar_envs.gymnasium_shared import INFO, METADATA, Camera, begin, read_options, spaces, world_seed
 from tstar_envs.settings import TaskSettings
 from tstar_envs.tasks.actions import NUM_ACTIONS, array_of_actions
 
 
 def environment_id(furniture: str) -> str:
     """Gymnasium's id of a task, in its camel case: `table_lack` is `tstar/TableLack-v0`."""
-    return f"tstar/{''.join(word.capitalize() for word in furniture.split('_'))}-v0"
+    return f"tstar/{library.camel_case(furniture)}-v0"
 
 
 def register() -> None:
     """Gives Gymnasium an id for every piece of furniture in the library; those it has are left alone.
 
-    Raises:
-        ValueError: two pieces have the same id, such as `stool_1` and `stool1`.
+    Warns of pieces that get none: where `library.FURTHER` names what is no folder, and of two that would have the same
+    id, such as `stool_1` and `stool1`, of the second.
     """
-    for name in library.names():
+    try:
+        names = library.names()
+    except FurnitureError as error:
+        warnings.warn(f"Gymnasium has ids of the package's own furniture alone: {error}", stacklevel=2)
+        names = library.names((library.DATA,))
+    for name in names:
         known = gymnasium.registry.get(environment_id(name))
         if known is not None and (other := known.kwargs.get("task", name)) != name:
-            raise ValueError(f"{name!r} and {other!r} have the same id, {known.id}: give one another name")
+            warnings.warn(
+                f"{name!r} and {other!r} have the same id, {known.id}, which stays the second's: rename the first",
+                stacklevel=2,
+            )
         if known is None:
             gymnasium.register(
                 environment_id(name),
@@ -54,7 +63,8 @@ class GymnasiumEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     Observation (O,) and action (9,) are float32, actions are clipped to [-1, 1]. An episode is terminated by success
     or failure and truncated by the task's own limit (`max_steps` of the settings): no `TimeLimit` is needed. `info`
     has `success` (bool), `subtask`, `phase` and `completed` (int). From the same snapshot, the same actions give the
-    same numbers as in the other fronts. `reset(seed=...)` seeds the start noise;
+    same numbers as in the other fronts. `reset(seed=...)` seeds the start noise, a first `reset()` draws a seed, which
+    is `np_random_seed`;
     `reset(options={"snapshot": ...})` starts from a snapshot of batch [1], at the beginning of the subtask it is at.
 
     Args:
@@ -83,7 +93,7 @@ class GymnasiumEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         self.observation_space, self.action_space = spaces(self.world)
         self.reward_scale, self.render_mode = finite_number("reward_scale", reward_scale), render_mode
         self._camera = Camera(self.world, render_mode, width, height)
-        self._playing = False
+        self._playing = self._seeded = False
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -94,10 +104,12 @@ class GymnasiumEnv(gymnasium.Env[np.ndarray, np.ndarray]):
             ValueError: an unknown option, or a snapshot of another batch or subtask.
         """
         snapshot = read_options(self.world, options, ("snapshot",)).get("snapshot")
-        super().reset(seed=seed)
+        drawn = world_seed(self, seed, first=not self._seeded)
         # Where no episode can begin, there is none to step; a snapshot that is refused leaves the one under way.
         self._playing = self._playing and snapshot is not None
-        begin(self.world, seed, snapshot)
+        begin(self.world, drawn, snapshot)
+        super().reset(seed=seed)
+        self._seeded = True
         self._playing = True
         return self._observe()
 

@@ -9,6 +9,8 @@ import gymnasium
 import mujoco
 import numpy as np
 from gymnasium.spaces import Box
+from gymnasium.utils import seeding
+from gymnasium.vector import VectorEnv
 from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 
@@ -97,6 +99,24 @@ def read_options(
                 f"({world.num_sims},) here; got {got}"
             )
     return options
+
+
+def world_seed(env: gymnasium.Env | VectorEnv, seed: int | None, first: bool) -> int | None:
+    """The seed of the world at a reset of `env` with `seed`; None: the world goes on drawing.
+
+    Gymnasium's seeds may be larger than the world's, which has their last 64 bits. The `first` reset, if it is without
+    a seed, takes the environment's own `np_random_seed`, or a draw of the generator that it was given.
+
+    Raises:
+        gymnasium.error.Error: it is no seed. Nothing has changed then.
+    """
+    if seed is not None:
+        seeding.np_random(seed)
+        return int(seed) % 2**64
+    if not first:
+        return None
+    own = env.np_random_seed
+    return int(env.np_random.integers(2**63)) if own is None or own < 0 else int(own) % 2**64
 
 
 def begin(

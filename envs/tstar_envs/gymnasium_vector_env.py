@@ -18,7 +18,7 @@ from torch import Tensor
 
 from tstar_envs.checks import finite_number
 from tstar_envs.environment import BatchedEnvironment
-from tstar_envs.gymnasium_shared import INFO, METADATA, Camera, begin, read_options, spaces
+from tstar_envs.gymnasium_shared import INFO, METADATA, Camera, begin, read_options, spaces, world_seed
 from tstar_envs.settings import TaskSettings
 from tstar_envs.tasks.actions import NUM_ACTIONS, array_of_actions
 
@@ -73,6 +73,7 @@ class GymnasiumVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._camera = Camera(self.world, render_mode, width, height)
         self._ended, self._begun = (torch.full((num_envs,), flag) for flag in (True, False))
+        self._seeded = False
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -84,10 +85,12 @@ class GymnasiumVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         """
         options = read_options(self.world, options, ("snapshot", "reset_mask"))
         mask = self._read_mask(options.get("reset_mask"))
-        super().reset(seed=seed)
+        drawn = world_seed(self, seed, first=not self._seeded)
         if options.get("snapshot") is None:  # one that is refused leaves the episodes that are under way
             self._ended, self._begun = self._ended | mask, self._begun & ~mask  # while no episode can begin
-        begin(self.world, seed, options.get("snapshot"), mask)
+        begin(self.world, drawn, options.get("snapshot"), mask)
+        super().reset(seed=seed)
+        self._seeded = True
         self._ended, self._begun = self._ended & ~mask, self._begun | mask
         return self._observe(), self._infos(mask)
 
@@ -127,9 +130,12 @@ class GymnasiumVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         return self._camera.draw()
 
     def close(self, **kwargs: Any) -> None:
-        """Gives back what pictures need; a picture after it makes that anew, so it may be called again."""
+        """Gives back what pictures need; a picture after it makes that anew, so it may be called again.
+
+        Keywords of Gymnasium's other vectors, which have processes to end, say nothing here.
+        """
         self._camera.close()
-        super().close(**kwargs)
+        super().close()
 
     def _next_episodes(self) -> dict[str, Any]:
         """Starts the next episode where one has ended; returns what it ended with, as Gymnasium lays it out."""

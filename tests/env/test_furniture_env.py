@@ -165,6 +165,26 @@ def test_a_state_that_lacks_a_part_is_named():
         env.load_state_dict(state)
 
 
+def test_a_state_that_is_refused_changes_nothing():
+    env, other = make(), make(subtask=1)
+    env.reset()
+    other.reset()
+    before = env.state_dict()
+    with pytest.raises(ValueError, match="subtask"):
+        env.load_state_dict(other.state_dict())
+    after = env.state_dict()
+    assert torch.equal(after["generator"], before["generator"])
+    assert torch.equal(after["snapshot"]["physics"], before["snapshot"]["physics"])
+
+
+def test_specs_have_the_types_of_what_is_returned_whatever_torchs_default_is():
+    torch.set_default_dtype(torch.float64)
+    try:
+        check_env_specs(make())
+    finally:
+        torch.set_default_dtype(torch.float32)
+
+
 def test_arguments_build_the_environment_again():
     env = make(subtask=2, velocity_scale=0.4, preassembled="jitter")
     again = FurnitureEnv(num_envs=3, nthread=1, seed=0, **env.arguments)

@@ -13,10 +13,14 @@ from test_gymnasium_vector_env import ID, actions, make_vec
 import tstar_envs
 from tstar_envs import rendering
 from tstar_envs.furniture import names
-from tstar_envs.gymnasium_env import environment_id
+from tstar_envs.gymnasium_env import environment_id, register
 from tstar_rl.env.furniture_env import FurnitureEnv
 
 TASK = "table_lack"
+
+
+def make_vec_of_two(name, **settings):
+    return gymnasium.make_vec(name, 2, "vector_entry_point", **settings)
 
 
 @pytest.fixture(scope="module")
@@ -47,11 +51,57 @@ def test_ids_are_made_from_names_and_an_import_is_enough():
 def test_two_names_of_one_id_are_told(monkeypatch):
     assert environment_id("stool_1") == environment_id("stool1")
     monkeypatch.setattr("tstar_envs.gymnasium_env.library.names", lambda: ("stool1", "stool_1"))
-    with pytest.raises(
-        ValueError, match="'stool_1' and 'stool1' have the same id, tstar/Stool1-v0: give one"
+    with pytest.warns(
+        UserWarning, match="'stool_1' and 'stool1' have the same id, tstar/Stool1-v0, which st"
     ):
-        tstar_envs.register()
+        register()
+    assert gymnasium.registry["tstar/Stool1-v0"].kwargs == {"task": "stool1"}
     del gymnasium.registry["tstar/Stool1-v0"]
+
+
+def test_a_folder_of_furniture_that_is_none_is_told_and_the_packages_own_have_their_ids(
+    monkeypatch, tmp_path
+):
+    monkeypatch.setenv("TSTAR_FURNITURE", str(tmp_path / "nowhere"))
+    known = gymnasium.registry.pop(ID)
+    with pytest.warns(UserWarning, match="own furniture alone: TSTAR_FURNITURE names .*nowhere, which is no"):
+        register()
+    assert gymnasium.registry[ID].kwargs == known.kwargs
+
+
+MAKE = pytest.mark.parametrize("make", [gymnasium.make, make_vec_of_two])
+
+
+@MAKE
+def test_a_start_comes_again_from_gymnasiums_seed_whether_it_was_given_or_drawn(make):
+    """Those that Gymnasium draws have 128 bits."""
+    env, again = (make(ID, subtask=0).unwrapped for _ in range(2))
+    first, second = env.reset()[0], env.reset()[0]
+    np.testing.assert_array_equal(again.reset(seed=env.np_random_seed)[0], first)
+    np.testing.assert_array_equal(again.reset()[0], second)
+    assert not np.array_equal(first, second)
+    large = again.reset(seed=2**100 + 7)[0]
+    np.testing.assert_array_equal(again.reset(seed=7)[0], large)
+    starts = []
+    for seed in (1, 1, 2):
+        env = make(ID, subtask=0).unwrapped
+        env.np_random = np.random.default_rng(seed)
+        starts.append(env.reset()[0])
+    np.testing.assert_array_equal(starts[0], starts[1])
+    assert not np.array_equal(starts[0], starts[2])
+
+
+@MAKE
+def test_a_reset_that_is_refused_leaves_the_episode_and_the_seed(make):
+    env, other = make(ID, subtask=0).unwrapped, make(ID, subtask=1).unwrapped
+    env.reset(seed=3)
+    other.reset(seed=0)
+    with pytest.raises(gymnasium.error.Error):
+        env.reset(seed=-1)
+    with pytest.raises(ValueError, match="subtask"):
+        env.reset(seed=9, options={"snapshot": other.snapshot()})
+    assert env.np_random_seed == 3
+    env.step(env.action_space.sample())
 
 
 def test_quaternions_and_phase_are_bounded_where_they_stand_in_the_observation():

@@ -110,3 +110,9 @@ def test_a_picture_after_closing_is_drawn_anew_and_closed_again():
         assert (envs._camera._renderer is not None) is (drawn is not None)
         envs.close()
         assert envs._camera._renderer is None
+
+
+def test_keywords_of_vectors_with_processes_close_it():
+    envs = make_vec(subtask=0)
+    envs.close(terminate=True)
+    assert envs.closed

@@ -186,9 +186,9 @@ class FurnitureEnv(EnvBase):
             raise ValueError(
                 f"the state of an environment has generator, snapshot and failures, got no {', no '.join(missing)}"
             )
+        self.world.restore(state_dict["snapshot"])  # first: one that is refused changes nothing
         self.world.generator.set_state(state_dict["generator"].cpu())
         self.world.task.starts.forget()
-        self.world.restore(state_dict["snapshot"])
         self.world.failures = int(state_dict["failures"])
 
     def _reset(self, tensordict: TensorDictBase | None = None, **kwargs) -> TensorDictBase:

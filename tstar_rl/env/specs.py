@@ -37,7 +37,7 @@ def furniture_specs(
     """
     one = torch.Size([*batch_size, 1])
     observation = {
-        "observation": Unbounded(torch.Size([*batch_size, num_observations])),
+        "observation": Unbounded(torch.Size([*batch_size, num_observations]), dtype=torch.float32),
         "subtask": Categorical(num_subtasks + 1, one, dtype=torch.int64),
         "phase": Categorical(len(PHASES), one, dtype=torch.int64),
         "completed": Categorical(num_subtasks + 1, one, dtype=torch.int64),
@@ -49,7 +49,7 @@ def furniture_specs(
     return FurnitureSpecs(
         observation=Composite(observation, shape=batch_size),
         action=Bounded(-1.0, 1.0, torch.Size([*batch_size, NUM_ACTIONS]), dtype=torch.float32),
-        reward=Composite({"reward_env": Unbounded(one)}, shape=batch_size),
+        reward=Composite({"reward_env": Unbounded(one, dtype=torch.float32)}, shape=batch_size),
         done=Composite(done, shape=batch_size),
     )
 

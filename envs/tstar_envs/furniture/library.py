@@ -8,6 +8,7 @@ import json
 import math
 import os
 import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -32,13 +33,17 @@ FURTHER = "TSTAR_FURNITURE"
 _NAME = re.compile(r"[a-z0-9]+(_[a-z0-9]+)*")
 
 
-def names() -> tuple[str, ...]:
+def names(folders: Iterable[Path] | None = None) -> tuple[str, ...]:
     """Returns the names that `load` knows: of files whose name is words of small letters and digits, joined by `_`.
+
+    Args:
+        folders: that are looked into; None: the package's own and those of `FURTHER`.
 
     Raises:
         FurnitureError: `FURTHER` names what is no folder.
     """
-    found = {path.stem for folder in _folders() for path in folder.glob("*.yaml") if path.is_file()}
+    places = _folders() if folders is None else folders
+    found = {path.stem for folder in places for path in folder.glob("*.yaml") if path.is_file()}
     return tuple(sorted(filter(is_name, found)))
 
 
@@ -51,6 +56,16 @@ def _folders() -> list[Path]:
                 f"{FURTHER} names {folder}, which is no folder; it names folders of furniture files"
             )
     return list({folder.resolve(): folder for folder in (DATA, *further)}.values())
+
+
+def files(name: str) -> list[Path]:
+    """Returns the files of pieces called `name`; `load` refuses two."""
+    return [file for folder in _folders() if (file := folder / f"{name}.yaml").is_file()]
+
+
+def camel_case(name: str) -> str:
+    """Returns a name as Gymnasium's ids have it: `table_lack` is `TableLack`."""
+    return "".join(word.capitalize() for word in name.split("_"))
 
 
 def is_name(name: str) -> bool:
@@ -91,7 +106,7 @@ def _load(name: str) -> tuple[Furniture, str]:
     """The piece and its digest, of one reading of the file."""
     if name not in names():
         raise FurnitureError(f"no furniture is called {name!r}: {did_you_mean(name, names())}")
-    first, *others = (file for folder in _folders() if (file := folder / f"{name}.yaml").is_file())
+    first, *others = files(name)
     if others:
         raise FurnitureError(
             f"two pieces are called {name!r}: {first} and {others[0]}; rename one of the files"

@@ -25,12 +25,21 @@ def check_number(
 ) -> None:
     """A finite number in its bounds."""
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not is_finite(value):
-        raise FurnitureError(f"{where}: got {short(value)}, expected a finite number")
+        raise FurnitureError(f"{where}: got {short(value)}, expected a finite number{_as_number(value)}")
     if positive and value <= 0:
         raise FurnitureError(f"{where}: got {value:g}, expected a positive number")
     if not least <= value <= most:
         valid = f"from {least:g} to {most:g}" if math.isfinite(least) else f"of at most {most:g}"
         raise FurnitureError(f"{where}: got {value:g}, expected a number {valid}")
+
+
+def _as_number(value: Any) -> str:
+    """What to write for a word that looks like a number: YAML takes 5e-2, which has no dot, for a word."""
+    try:
+        number = float(value) if isinstance(value, str) else math.nan
+    except ValueError:
+        return ""
+    return f"; YAML reads that as a word, write {number}" if math.isfinite(number) else ""
 
 
 def check_lengths(where: str, values: Sequence[float]) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import torch
 
 from tstar_envs import geometry
+from tstar_envs.connection import WrongPairs
 from tstar_envs.inspection.reach import shortfall
 from tstar_envs.inspection.workshop import FAR, Workshop
 
@@ -31,6 +32,7 @@ def assembly_findings(workshop: Workshop) -> Found:
         yield from _reach(workshop, step)
         yield from _way_in(workshop, step)
         yield from _values(workshop, step)
+        yield from _twins(workshop, step)
 
 
 def _grasp(workshop: Workshop, k: int) -> Found:
@@ -230,3 +232,21 @@ def _matrix(pose: np.ndarray) -> np.ndarray:
     matrix[:3, :3] = geometry.quat_to_matrix(torch.as_tensor(pose[3:])).numpy()
     matrix[:3, 3] = pose[:3]
     return matrix
+
+
+def _twins(workshop: Workshop, k: int) -> Found:
+    """Other connectors that meet when the step's own do: whoever asks to connect a little early fails by them."""
+    wrong = WrongPairs(workshop.furniture, torch.device("cpu"))
+    poses = torch.from_numpy(workshop.nominal[k + 1]).unsqueeze(0)
+    held = torch.zeros(1, poses.shape[1], dtype=torch.bool)
+    held[0, workshop.group(k)] = True
+    met = {
+        frozenset(wrong.pairs[i]) for i in wrong.which(poses, held, torch.tensor([k]))[0].nonzero().flatten()
+    }
+    for one, other in sorted(map(sorted, met)):
+        yield (
+            False,
+            f"steps[{k}]",
+            f"{one} and {other} meet there, too, and are no step's: to connect by them is a wrong connection, which "
+            "fails the episode. Leave one of them out",
+        )

@@ -17,6 +17,8 @@ from tstar_envs.inspection.findings import inspect
 from tstar_envs.inspection.trial import try_out
 from tstar_envs.tasks.episode_start import StartError
 
+SUFFIXES = (".yaml", ".yml")
+"""By which a file is told from the name of a piece."""
 ENOUGH, ENOUGH_WHOLE = 0.95, 0.85
 """Share of scripted episodes of a step, and of the whole piece, with which a piece is fit for the library."""
 
@@ -64,7 +66,7 @@ def _number(text: str) -> int:
 
 
 def _read(file: str) -> Furniture:
-    if not file.endswith((".yaml", ".yml")):
+    if not file.endswith(SUFFIXES):
         return library.load(file)
     if not Path(file).is_file():
         raise FurnitureError(f"{file}: there is no such file")
@@ -74,7 +76,8 @@ def _read(file: str) -> Furniture:
 def _check(furniture: Furniture, asked: argparse.Namespace) -> int:
     parts, steps = len(furniture.parts), len(furniture.steps)
     print(f"{furniture.name}: {parts} parts, {steps} steps")
-    findings = inspect(furniture)
+    file = Path(asked.file) if asked.file.endswith(SUFFIXES) else None
+    findings = inspect(furniture, file)
     for finding in findings:
         print(finding)
     if not findings:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations
+from pathlib import Path
 
 import numpy as np
 
@@ -41,11 +42,30 @@ class Finding:
         return f"{'WRONG   ' if self.wrong else 'doubtful'}  {self.where}: {self.text}"
 
 
-def inspect(furniture: Furniture) -> list[Finding]:
-    """Everything that is wrong or doubtful about a piece, wrong things first."""
+def inspect(furniture: Furniture, file: Path | None = None) -> list[Finding]:
+    """Everything that is wrong or doubtful about a piece, wrong things first.
+
+    Args:
+        furniture: the piece.
+        file: that it was read from, if the name of that is to be looked at: whether the library would find it.
+    """
     workshop = Workshop(furniture)
     found = [Finding(*each) for check in _CHECKS for each in check(workshop)]
+    found += [Finding(False, "the file's name", text) for text in _place(furniture.name, file)]
     return sorted(found, key=lambda finding: not finding.wrong)
+
+
+def _place(name: str, file: Path | None) -> Iterator[str]:
+    """What the library would make of a file in one of its folders."""
+    if file is None:
+        return
+    if file.suffix != ".yaml":
+        yield f"the library would not see {file.name}: its files end in .yaml"
+    if others := [other for other in library.files(name) if other.resolve() != file.resolve()]:
+        yield f"{others[0]} has it already: beside that one neither would be loaded"
+    of_gymnasium = library.camel_case(name)
+    if same := [one for one in library.names() if one != name and library.camel_case(one) == of_gymnasium]:
+        yield f"{same[0]} has the same id in Gymnasium, {of_gymnasium}: one of them would get none"
 
 
 def _name(workshop: Workshop) -> Iterator[tuple[bool, str, str]]:

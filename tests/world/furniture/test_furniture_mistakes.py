@@ -35,7 +35,11 @@ def test_unknown_furniture_is_told_the_nearest_name():
             lambda d: d.update(z_finedst=d.pop("z_finedist")),
             r"chair.yaml: z_finedist: is missing; is 'z_finedst' meant\?",
         ),
-        (lambda d: put(d, "z_finedist", "high"), r"z_finedist: got 'high', expected a finite number"),
+        (lambda d: put(d, "z_finedist", "high"), r"z_finedist: got 'high', expected a finite number$"),
+        (
+            lambda d: put(d, "z_finedist", "5e-2"),
+            r"expected a finite number; YAML reads that as a word, write 0.05",
+        ),
         (lambda d: put(d, "z_fine", 1), r"z_fine: unknown field, did you mean 'z_finedist'"),
         (
             lambda d: put(d, "parts", "seat", "density", -1),

@@ -35,6 +35,13 @@ def _second_top(data):
         step["target_part"] = "other_top"
 
 
+def _second_pegs(data):
+    """A peg and a hole at the place of the first step's connectors, which no step names."""
+    of_leg, of_top = (data["parts"][part]["connectors"] for part in ("leg_2", "table_top"))
+    of_leg["peg"] = of_leg["top_end"] | {"kind": "peg", "mates_with": "hole"}
+    of_top["hole"] = of_top["corner_2"] | {"kind": "hole", "mates_with": "peg"}
+
+
 def _under_a_roof(data):
     """A short leg that would have to come through a plate over its corner."""
     _leg(data, boxes=[{"size": [0.015, 0.015, 0.02]}])
@@ -84,6 +91,7 @@ def _under_a_roof(data):
         (lambda d: d["parts"]["leg_2"]["connectors"]["top_end"].update(pos=[0, 0, 0.2]), False,
          "parts.leg_2.connectors.top_end.pos", "floats 69 mm off"),
         (_under_a_roof, True, "steps[0]", "leg_2 would go through table_top"),
+        (_second_pegs, False, "steps[0]", "leg_2.peg and table_top.hole meet there, too, and are no step's"),
         (lambda d: _leg(d, boxes=[{"size": [0.1, 0.015, 0.13], "pos": [0.05, 0, 0]}]), True,
          "steps[0].grasp", "nothing of leg_2 is between the fingers there, or it is wider than 200 mm"),
         (lambda d: _leg(d, density=20000, boxes=[{"size": [0.017, 0.017, 0.13]}]), True,

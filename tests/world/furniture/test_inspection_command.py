@@ -39,6 +39,25 @@ def test_a_name_that_the_library_would_not_see_is_doubtful(table, tmp_path, caps
     assert "words of small letters and digits, joined by _" in said and "nothing is wrong" not in said
 
 
+@pytest.mark.parametrize(
+    ("file", "words"),
+    [
+        ("my_table.yml", "the library would not see my_table.yml: its files end in .yaml"),
+        ("chair_agne.yaml", "chair_agne.yaml has it already: beside that one neither would be loaded"),
+        ("chairagne.yaml", None),
+        (
+            "table_bjorkudden0206.yaml",
+            "table_bjorkudden_0206 has the same id in Gymnasium, TableBjorkudden0206: one",
+        ),
+    ],
+)
+def test_a_name_that_another_piece_has_is_doubtful(file, words, table, tmp_path, capsys):
+    odd = table().rename(tmp_path / file)
+    assert main(["check", str(odd), "--picture", str(tmp_path / "look.png"), "--episodes", "0"]) == 0
+    said = capsys.readouterr().out
+    assert (words or "nothing is wrong or doubtful") in said and ("the file's name" in said) == bool(words)
+
+
 def test_the_command_tells_what_mujoco_does_not_take(table, capsys):
     path = table(lambda d: d["parts"]["leg_2"].update(boxes=[{"size": [0.0001, 0.0001, 0.0001]}]))
     assert main(["check", str(path)]) == 1
