@@ -40,13 +40,13 @@ def checked(name: str, *overrides: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_every_recipe(name):
+def test_the_config_of_every_recipe_passes_the_check(name):
     for scale in ("laptop", "whole") if name == "spirl" else ("laptop", "no_return"):
         checked(name, f"scale={scale}", "task=chair_ingolf")
 
 
 @pytest.mark.parametrize("name", ["gail_ppo", "in_order", "tstar"])
-def test_every_scale(name):
+def test_the_config_of_every_scale_passes_the_check(name):
     for scale in SCALES:
         # in_order lets the critic alone learn from 16 rollouts, which on a GPU are longer than its turns.
         longer = name == "in_order" and scale.endswith("gpu")

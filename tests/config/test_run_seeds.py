@@ -65,7 +65,7 @@ def test_a_chain_its_trials_and_its_turns_which_have_their_own_limits(
     assert [world.max_steps for world in worlds] == [7, 9, 7, 7, 9, 7]
 
 
-def test_demonstrations(tmp_path):
+def test_demonstrations_have_the_seed_of_their_subtask_and_kind(tmp_path):
     recipe, seeds = load_recipe("make_demonstrations"), []
     recipe.collect = lambda *values: seeds.append(values[4]) or Nothing()
     values = [

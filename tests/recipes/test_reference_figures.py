@@ -84,14 +84,14 @@ def check_tables(tables: dict[str, str]) -> None:
     assert not differ
 
 
-def test_a_skill(tmp_path):
+def test_a_skill_makes_the_reference_table_to_the_byte(tmp_path):
     tables = make_elsewhere(tmp_path, chains=False)
     assert list(tables) == ["skill"]
     check_tables(tables)
 
 
 @pytest.mark.slow
-def test_chains(tmp_path):
+def test_chains_make_the_reference_tables_to_the_byte(tmp_path):
     tables = make_elsewhere(tmp_path, chains=True)
     assert sorted(tables) == ["policy_sequencing", "skill", "tstar"]
     check_tables(tables)

@@ -57,7 +57,7 @@ def test_a_simulation_that_waited_goes_on_as_if_it_had_not():
     assert sorted(at.tolist()) == at.tolist() and 50 < at[0] < at[-1]
 
 
-def test_nobody_runs():
+def test_a_step_of_no_simulation_changes_none():
     world = make(N)
     before = world.snapshot()
     world.step(torch.ones(N, 9), torch.zeros(N, dtype=torch.bool))

@@ -39,8 +39,8 @@ class RecoverySettings:
     at_most: float | None = 0.5
     """Where a skill is handed over: if F of it is at most this. None: never; 1: always."""
     blind: bool = False
-    """Drawn, with the share of the hand-overs to each skill that F asks for among the states that it learned from: the
-    control that tells what F knows of a state."""
+    """The arm goes home at random, before each skill as often as F would have sent it among the states that it learned
+    from: the control that tells what F knows of a state."""
     patience: int | None = None
     """When a skill has acted for so many steps since it began, or since the arm was sent home. None: never."""
     most_steps: int = 40

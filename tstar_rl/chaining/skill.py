@@ -1,6 +1,7 @@
 """One link of the chain: the networks and the state sets of one subtask."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -224,18 +225,33 @@ class Skill:
             else:
                 states.clear()
 
-    def save(self, path: str | Path, **record: Any) -> None:
-        """Writes the skill, and beside it plain values that say what it is."""
-        built = {
+    def built(self) -> dict[str, Any]:
+        """What it was made with, as plain values: see `from_built`. Its sets are of "capacity"."""
+        return {
             "settings": asdict(self.settings),
             "obs_dim": self.obs_dim,
             "actions": list(self.actions),
             "geometry": checkpoint.to_plain(self.geometry),
             "capacity": self.initiation_set.capacity,
         }
-        checkpoint.save(
-            path, {"skill": self}, {"task": self.task, "subtask": self.subtask, "built": built, **record}
+
+    @classmethod
+    def from_built(cls, task: str, subtask: int | None, built: Mapping[str, Any]) -> "Skill":
+        """A new skill of the sizes of the one that said `built`; without a capacity its sets are of one state."""
+        return cls(
+            task,
+            subtask,
+            NetworkSettings(**checkpoint.to_tuples(built["settings"])),
+            checkpoint.to_tensors(built["geometry"]),
+            built.get("capacity", 1),
+            built["obs_dim"],
+            tuple(built.get("actions", (7, 2))),  # older skills do not say: they are of the furniture
         )
+
+    def save(self, path: str | Path, **record: Any) -> None:
+        """Writes the skill, and beside it plain values that say what it is."""
+        told = {"task": self.task, "subtask": self.subtask, "built": self.built(), **record}
+        checkpoint.save(path, {"skill": self}, told)
 
     @classmethod
     def load(cls, path: str | Path, **expected: Any) -> "Skill":
@@ -251,15 +267,6 @@ class Skill:
             raise InvalidValueError(
                 f"{path} is {kind}; a chain is made of skills of bc, ppo, gail or gail_ppo"
             )
-        built = record["built"]
-        skill = cls(
-            record["task"],
-            record["subtask"],
-            NetworkSettings(**checkpoint.to_tuples(built["settings"])),
-            checkpoint.to_tensors(built["geometry"]),
-            built["capacity"],
-            built["obs_dim"],
-            tuple(built.get("actions", (7, 2))),  # older skills do not say: they are of the furniture
-        )
+        skill = cls.from_built(record["task"], record["subtask"], record["built"])
         checkpoint.load(path, {"skill": skill}, **expected)
         return skill

@@ -16,7 +16,8 @@ def check_that_policies_learn(
         rounds, carry_over, order: see `ChainSettings`.
 
     Raises:
-        InvalidValueError: if all turns of a skill that one update is sure to have are no longer than that.
+        InvalidValueError: if one update sees no more rollouts than that. It lives for one turn without carry_over or
+            with order=costliest, else for all rounds.
     """
     once = not carry_over or order == "costliest"  # an update begins anew, or may have the only turn
     turns = 1 if once else rounds

@@ -38,7 +38,7 @@ NOISE = "noise"
 """An array () of those files that say with which noise they were made. It is no part of the header, which has to be
 what any commit of the library can read: arms of one experiment are run with the code of several."""
 FURNITURE = "furniture"
-"""Likewise one of text, of those that say with which file of furniture: its digest."""
+"""Likewise an array () of text, where known: the digest of the furniture's file."""
 END_OF_LIST = 22
 """Bytes at the end of a zip file without a comment; bytes 10 and 11 count its members."""
 

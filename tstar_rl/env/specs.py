@@ -1,4 +1,4 @@
-"""Specs of the furniture environment, and of values at hand whose shapes nobody knows before."""
+"""Specs of the furniture environment, and of any TensorDict whose shapes are known only at run time."""
 
 from typing import Any, NamedTuple
 

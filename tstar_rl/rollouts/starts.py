@@ -154,13 +154,13 @@ def gaussian_counts(env: TransformedEnv) -> dict[str, int]:
 def state_of_sources(env: TransformedEnv) -> list[dict[str, Any]]:
     """The state of every source that has one, in their order.
 
-    Sets of states are saved with their skills; one that is no skill's is whoever's it is, and is not saved here.
+    A skill saves its own sets; whoever made another set must save it.
     """
     return [each.state_dict() for each in _with_state(env)]
 
 
 def load_state_of_sources(env: TransformedEnv, states: Sequence[Mapping[str, Any]]) -> None:
-    """What `state_of_sources` gave; nothing where a run of before has kept none."""
+    """What `state_of_sources` gave; nothing where a checkpoint of an older version has none."""
     for each, state in zip(_with_state(env), states, strict=bool(states)):
         each.load_state_dict(state)
 

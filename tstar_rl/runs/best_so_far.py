@@ -52,4 +52,7 @@ class BestSoFar:
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Goes back to `state`, which may have more entries."""
         self.recent = {name: float(state["recent"][name]) for name in FOLLOWED}
-        self.rated, self.best = int(state.get("rated", WINDOW)), float(state["best"])  # a run of before: many
+        self.rated, self.best = (
+            int(state.get("rated", WINDOW)),
+            float(state["best"]),
+        )  # an older version: many

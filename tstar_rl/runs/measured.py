@@ -1,4 +1,4 @@
-"""What was measured of a training that had ended, and goes when it begins anew or goes on: it is of another then.
+"""What was measured of a finished training: deleted when it starts over or goes on, since it is of another policy then.
 
 What measures: recipes evaluate, hand_over, hand_over_gap, exchanged, moved_parts, ways_home and plot_latents.
 """

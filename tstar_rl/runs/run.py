@@ -261,7 +261,7 @@ class Run:
         Raises:
             LogError: if a table has lost rows; none is changed then.
         """
-        rows = {name: int(state.get(name, 0)) for name in LOGS}  # a run of before has no calibration
+        rows = {name: int(state.get(name, 0)) for name in LOGS}  # an older version has no calibration
         for name in LOGS:
             getattr(self, name).check(rows[name])
         self.env_steps, self.seconds = int(state["env_steps"]), float(state["seconds"])

@@ -6,14 +6,13 @@ kept to the bit, so that their figures are those of the tables; d_omega, which i
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from torch import Tensor, nn
 
 from tstar_rl.chaining.chain import ChainPolicy
-from tstar_rl.chaining.skill import NetworkSettings, Skill
+from tstar_rl.chaining.skill import Skill
 from tstar_rl.models.draws import generators_stay
 from tstar_rl.runs import checkpoint
 
@@ -100,15 +99,7 @@ def save_shipped(skills: Sequence[Skill], path: str | Path, signal: bool, **reco
         signal: whether d_omega is written too; only one that was trained says anything.
         **record: plain values; at least `task` and `env`.
     """
-    built = [
-        {
-            "settings": asdict(skill.settings),
-            "geometry": checkpoint.to_plain(skill.geometry),
-            "obs_dim": skill.obs_dim,
-            "actions": list(skill.actions),
-        }
-        for skill in skills
-    ]
+    built = [{name: value for name, value in skill.built().items() if name != "capacity"} for skill in skills]
     chain = ShippedChain(skills, record, signal)
     checkpoint.save(path, {"chain": _Weights(chain)}, {**record, "signal": signal, "built": built})
 
@@ -121,15 +112,9 @@ def load_shipped(path: str | Path, **expected: Any) -> ShippedChain:
     """
     record = checkpoint.read_record(path, **expected)
     with generators_stay():
-        skills = [_build(record["task"], index, built) for index, built in enumerate(record["built"])]
+        skills = [
+            Skill.from_built(record["task"], index, built) for index, built in enumerate(record["built"])
+        ]
     chain = ShippedChain(skills, record, record["signal"])
     checkpoint.load(path, {"chain": _Weights(chain)}, **expected)
     return chain.requires_grad_(False).eval()
-
-
-def _build(task: str, subtask: int, built: Mapping[str, Any]) -> Skill:
-    """A skill of the right sizes, its sets empty."""
-    settings = NetworkSettings(**checkpoint.to_tuples(built["settings"]))
-    geometry = checkpoint.to_tensors(built["geometry"])
-    actions = tuple(built.get("actions", (7, 2)))  # older chains do not say: they are of the furniture
-    return Skill(task, subtask, settings, geometry, capacity=1, obs_dim=built["obs_dim"], actions=actions)

@@ -240,4 +240,4 @@ class LatentPolicyUpdate:
         for name, optimizer in self.optimizers.items():
             optimizer.load_state_dict(state["optimizers"][name])
         self.minibatches = int(state["minibatches"])
-        self.owed = float(state.get("owed", 0.0))  # a run of before owes nothing
+        self.owed = float(state.get("owed", 0.0))  # a checkpoint of an older version owes nothing
