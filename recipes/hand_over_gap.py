@@ -28,7 +28,6 @@ from torchrl.envs import ExplorationType, set_exploration_type
 
 from tstar_rl.analysis.figures import save_figure, sides_figure
 from tstar_rl.analysis.hand_over_gap import chain_interval, gap_interval, product_interval
-from tstar_rl.analysis.statistics import Interval
 from tstar_rl.chaining.chain import ChainPolicy
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.checks import InvalidValueError
@@ -123,13 +122,9 @@ def _row(config: DictConfig, own: Sequence[int], progress: np.ndarray) -> dict[s
     episodes, rng = config.evaluation.episodes, np.random.default_rng(0)
     row: dict[str, Any] = {"episodes": episodes, "whole_episodes": len(progress)}
     row |= {f"own_{index}": successes / episodes for index, successes in enumerate(own)}
-    row |= _columns("product", product_interval(own, episodes, rng))
-    row |= _columns("progress", chain_interval(progress, rng))
-    return row | _columns("gap", gap_interval(own, episodes, progress, rng))
-
-
-def _columns(name: str, found: Interval) -> dict[str, float]:
-    return {name: found.value, f"{name}_low": found.low, f"{name}_high": found.high}
+    row |= product_interval(own, episodes, rng).columns("product")
+    row |= chain_interval(progress, rng).columns("progress")
+    return row | gap_interval(own, episodes, progress, rng).columns("gap")
 
 
 def _seam_row(

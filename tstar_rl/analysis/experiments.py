@@ -180,8 +180,7 @@ def _levels(arm: Kept) -> Mapping[str, float]:
     scores = [np.frombuffer(each) for _, each in arm]
     line: dict[str, float] = {"seeds": len(scores), "episodes": sum(map(len, scores))}
     for name, of_seeds in (("progress", scores), ("success", [each >= 1.0 for each in scores])):
-        found = interquartile_interval([of_seeds], np.random.default_rng(SEED))
-        line |= {name: found.value, f"{name}_low": found.low, f"{name}_high": found.high}
+        line |= interquartile_interval([of_seeds], np.random.default_rng(SEED)).columns(name)
     return line
 
 

@@ -86,8 +86,7 @@ def tasks_table(scores: TaskScores, tasks: Sequence[str], reference: str) -> pd.
         line: dict[str, float] = {"seeds_low": min(seeds), "seeds_high": max(seeds), "runs": sum(seeds)}
         done = [[episodes >= 1.0 for episodes in each] for each in strata]
         for name, measured in (("progress", strata), ("success", done)):
-            found = interquartile_interval(measured, np.random.default_rng(SEED))
-            line |= {name: found.value, f"{name}_low": found.low, f"{name}_high": found.high}
+            line |= interquartile_interval(measured, np.random.default_rng(SEED)).columns(name)
         names = ("improvement", "improvement_low", "improvement_high")
         lines[arm] = line | dict(zip(names, _improvement(scores, tasks, arm, reference), strict=True))
     return pd.DataFrame.from_dict(lines, orient="index").rename_axis("arm")

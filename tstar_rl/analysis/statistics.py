@@ -39,6 +39,10 @@ class Interval(NamedTuple):
     low: float
     high: float
 
+    def columns(self, name: str) -> dict[str, float]:
+        """As <name>, <name>_low and <name>_high of a table."""
+        return {name: self.value, f"{name}_low": self.low, f"{name}_high": self.high}
+
 
 def interquartile_mean(values: ArrayLike) -> Array:
     """Mean over the last axis of what is left when floor(n / 4) values are cut at either end.

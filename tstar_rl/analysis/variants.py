@@ -8,7 +8,7 @@ import yaml
 
 from tstar_rl.checks import InvalidValueError, MissingFileError
 from tstar_rl.config.check import check
-from tstar_rl.runs.run_folder import UNTRAINED, is_untrained
+from tstar_rl.runs.run_folder import UNTRAINED, check_says_if_trained
 
 __all__ = ["FOLDER", "SKILLS", "Ablation", "Variant", "names", "parse", "read"]
 
@@ -124,13 +124,7 @@ def parse(name: str, values: dict[str, Any]) -> Ablation:
             f"ablation {name}: two variants have the same name; it has {', '.join(found)}"
         )
     for variant in variants:
-        if not variant.trains and not variant.name.startswith(variant.system):
-            raise InvalidValueError(f"{where}: {variant.name} trains nothing, so call it {variant.system}...")
-        if variant.trains and is_untrained(variant.name):
-            raise InvalidValueError(
-                f"{where}: {variant.name} is trained by {variant.system}, and a name that begins with {UNTRAINED} "
-                "means skills as they are: call it otherwise"
-            )
+        check_says_if_trained(where, variant.name, variant.system)
     ablation = Ablation(name, values["reference"], variants)
     named = [other for variant in variants for other in (variant.bonus_of, variant.against) if other]
     for other in (ablation.reference, *named):

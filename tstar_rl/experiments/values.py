@@ -8,7 +8,7 @@ from tstar_rl.config.check import check
 from tstar_rl.config.recipe_kinds import ONE_POLICY
 from tstar_rl.config.values import task_section
 from tstar_rl.experiments.declared import Arm, DeclaredExperiment
-from tstar_rl.runs.run_folder import RECIPES, UNTRAINED, is_untrained
+from tstar_rl.runs.run_folder import RECIPES, UNTRAINED, check_says_if_trained
 
 __all__ = ["parse_experiment"]
 
@@ -61,13 +61,7 @@ def parse_experiment(values: Mapping[str, Any]) -> DeclaredExperiment:
 def _parse_arm(values: Mapping[str, Any], commit: str | None) -> Arm:
     check(values, Arm, "an arm of the experiment")
     arm = Arm(**_with_tuples(values))
-    if arm.recipe == UNTRAINED and not arm.name.startswith(UNTRAINED):
-        raise InvalidValueError(f"experiment.arms: {arm.name} trains nothing, so call it {UNTRAINED}...")
-    if arm.recipe != UNTRAINED and is_untrained(arm.name):
-        raise InvalidValueError(
-            f"experiment.arms: {arm.name} is trained by {arm.recipe}, and a name that begins with {UNTRAINED} means "
-            "skills as they are: call it otherwise"
-        )
+    check_says_if_trained("experiment.arms", arm.name, arm.recipe)
     if arm.recipe == UNTRAINED and (given := [name for name in ("overrides", "bonus_of") if name in values]):
         raise InvalidValueError(
             f"experiment.arms: {arm.name} trains nothing, so that {' and '.join(given)} would do nothing; what its "

@@ -18,6 +18,7 @@ __all__ = [
     "SPENT",
     "UNTRAINED",
     "Place",
+    "check_says_if_trained",
     "is_untrained",
     "made_by",
     "read_run_path",
@@ -99,6 +100,26 @@ def same_spent(one: Mapping[str, float], other: Mapping[str, float]) -> bool:
 def is_untrained(system: str) -> bool:
     """Whether a system is skills chained as they are: no_finetuning, or no_finetuning_<name> of other skills."""
     return Path(system).name.startswith(UNTRAINED)
+
+
+def check_says_if_trained(where: str, name: str, recipe: str) -> None:
+    """Checks the name of one of several ways to make a chain: it begins with `UNTRAINED` if nothing is trained.
+
+    Args:
+        where: it stands, for the message.
+        name: of it.
+        recipe: that trains it; `UNTRAINED`: none.
+
+    Raises:
+        InvalidValueError: if the name says otherwise.
+    """
+    if recipe == UNTRAINED and not is_untrained(name):
+        raise InvalidValueError(f"{where}: {name} trains nothing, so call it {UNTRAINED}...")
+    if recipe != UNTRAINED and is_untrained(name):
+        raise InvalidValueError(
+            f"{where}: {name} is trained by {recipe}, and a name that begins with {UNTRAINED} means skills as they "
+            "are: call it otherwise"
+        )
 
 
 def made_by(path: str | Path) -> str:

@@ -18,13 +18,14 @@ from tstar_rl.analysis.page.markdown import (
     arm_label,
     arm_order,
     interval,
+    interval_of,
     millions,
     picture,
     signed_interval,
     table,
 )
 from tstar_rl.analysis.questions import answer
-from tstar_rl.runs.run_folder import UNTRAINED
+from tstar_rl.runs.run_folder import is_untrained
 
 __all__ = ["answers", "arms", "comparison_table", "comparisons", "draw_experiment", "short_table"]
 
@@ -56,7 +57,7 @@ def _gap(gaps: pd.DataFrame, arm: str, rows: pd.DataFrame, entry: Entry) -> list
     mine = gaps[gaps["arm"] == arm]
     if mine["gap"].isna().all() or arm in entry.no_gap:
         return [NOTHING, NOTHING]
-    as_they_are = arm.startswith(UNTRAINED) or (HOMINGS in rows and rows[HOMINGS].notna().all())
+    as_they_are = is_untrained(arm) or (HOMINGS in rows and rows[HOMINGS].notna().all())
     star = "" if as_they_are or mine["fine_tuned"].all() else " \\*"
     known = mine["gap"].notna().sum()
     of = f" ({known} of {len(mine)} seeds)" if known < len(mine) else ""
@@ -71,10 +72,7 @@ def arms(experiment: Experiment, paper: Paper, entry: Entry, task: str) -> str:
     for arm, row in arm_table(rows).iterrows():
         mine = rows[rows["arm"] == arm]
         line = [arm_label(paper, str(arm)), f"{row['seeds']:.0f}"]
-        line += [
-            interval(*(row[f"{name}{end}"] for end in ("", "_low", "_high")))
-            for name in ("progress", "success")
-        ]
+        line += [interval_of(row, name) for name in ("progress", "success")]
         line.append(" ".join(f"{value:.2f}" for value in mine["progress"]))
         line.append(f"{noisy.loc[arm, 'progress']:.3f}" if arm in noisy.index else NOTHING)
         gap = _gap(gaps, str(arm), mine, entry)
@@ -124,10 +122,7 @@ def short_table(
     rows = rows[rows["arm"].isin(shown)] if shown else rows
     for arm, row in arm_table(rows).iterrows():
         mine = rows[rows["arm"] == arm]
-        spans = [
-            interval(*(row[f"{name}{end}"] for end in ("", "_low", "_high")))
-            for name in ("progress", "success")
-        ]
+        spans = [interval_of(row, name) for name in ("progress", "success")]
         lines.append(
             [arm_label(paper, str(arm)), *spans, _gap(gaps, str(arm), mine, entry)[1], f"{row['seeds']:.0f}"]
         )

@@ -13,6 +13,7 @@ __all__ = [
     "arm_order",
     "from_to",
     "interval",
+    "interval_of",
     "labels",
     "millions",
     "over_seeds",
@@ -66,6 +67,12 @@ def interval(value: float, low: float, high: float) -> str:
     """A share with its 95% interval; a narrow one with one more digit."""
     digits = _digits(low, high)
     return f"{value:.3f} [{low:.{digits}f}, {high:.{digits}f}]"
+
+
+def interval_of(row: pd.Series, name: str) -> str:
+    """The same of the columns <name>, <name>_low and <name>_high; `NOTHING` where there is no value."""
+    value, low, high = (float(row[f"{name}{end}"]) for end in ("", "_low", "_high"))
+    return NOTHING if math.isnan(value) else interval(value, low, high)
 
 
 def theirs(paper: Paper, system: str, task: str) -> list[str]:

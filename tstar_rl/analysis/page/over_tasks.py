@@ -1,6 +1,5 @@
 """The section of an experiment that aggregates over its tasks: a table, a figure, and what is missing."""
 
-import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -24,6 +23,7 @@ from tstar_rl.analysis.page.markdown import (
     arm_order,
     from_to,
     interval,
+    interval_of,
     picture,
     table,
 )
@@ -180,10 +180,7 @@ def _table(scores: TaskScores, tasks: Sequence[str], paper: Paper, reference: st
         row = found.loc[arm]
         low, high = int(row["seeds_low"]), int(row["seeds_high"])
         line = [arm_label(paper, arm), str(len(tasks)), from_to(low, high)]
-        for name in ("progress", "success", "improvement"):
-            value = [float(row[f"{name}{end}"]) for end in ("", "_low", "_high")]
-            line.append(NOTHING if math.isnan(value[0]) else interval(*value))
-        lines.append(line)
+        lines.append([*line, *(interval_of(row, name) for name in ("progress", "success", "improvement"))])
     header = ["arm", "tasks", "seeds", "progress [95%]", "success [95%]"]
     return table([*header, f"improvement over {arm_label(paper, reference)} [95%]"], lines)
 

@@ -11,6 +11,7 @@ from tstar_rl.analysis.page.markdown import (
     NOTHING,
     Paper,
     interval,
+    interval_of,
     labels,
     over_seeds,
     picture,
@@ -171,10 +172,7 @@ def ablated(root: Path) -> str:
             continue
         found, rows = ablations.load_ablation(name, root), []
         for (task, variant), line in ablations.ablation_table(found).iterrows():  # pyright: ignore[reportGeneralTypeIssues]
-            spans = [
-                interval(*(line[f"{measure}{end}"] for end in ("", "_low", "_high")))
-                for measure in ("progress", "success")
-            ]
+            spans = [interval_of(line, measure) for measure in ("progress", "success")]
             rows.append([f"{task}: {variant}", *spans, f"{line['seeds']:.0f}"])
         shown = table([name, "progress [95%]", "success [95%]", "seeds"], rows)
         sections.append(f"### {name}\n\n{shown}\n```\n{ablations.ablation_finding(found)}\n```\n")
