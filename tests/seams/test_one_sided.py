@@ -3,6 +3,7 @@
 import numpy as np
 import torch
 
+from tstar_envs import geometry
 from tstar_rl.env.layout import PARTS, observation_size
 from tstar_rl.seams.one_sided import one_sided
 from tstar_rl.seams.what_decides import one_sided_states
@@ -36,3 +37,15 @@ def test_states_keep_all_else_and_no_state_is_none():
     assert torch.equal(found[:, :PARTS], states[:, :PARTS]) and torch.equal(found[:, -8:], states[:, -8:])
     assert bool((found[:, PARTS + 3 : PARTS + 7] >= 0).all())
     assert one_sided_states(states[:0]).shape == states[:0].shape
+
+
+def test_it_is_what_the_world_does():
+    """Two pieces of code, since those who read results load no torch."""
+    generator = torch.Generator().manual_seed(0)
+    for spread in (0.1, 1.0):
+        turns = torch.nn.functional.normalize(
+            torch.tensor([0.3, -0.5, 0.7, 0.2]) + spread * torch.randn(40, 4, generator=generator), dim=-1
+        ).double()
+        turns[::3] *= -1
+        poses = torch.cat([torch.zeros(40, 3), turns], dim=-1)
+        np.testing.assert_array_equal(one_sided(poses.numpy())[:, 3:], geometry.one_sided(turns).numpy())

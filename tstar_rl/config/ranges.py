@@ -106,6 +106,14 @@ def check_ranges_of(values: Mapping[str, Any]) -> None:
     Raises:
         InvalidValueError: for the first that is out of its range; it names the key, what was got and what is valid.
     """
+    _check_numbers(values)
+    _check_words(values)
+    _check_lists(values)
+    _check_together(values)
+    _check_task(values["task"]["name"], values["task"]["subtasks"], values)
+
+
+def _check_numbers(values: Mapping[str, Any]) -> None:
     for name, least in LEAST.items():
         value = find(values, name)
         if value is not None and value < least:
@@ -114,31 +122,42 @@ def check_ranges_of(values: Mapping[str, Any]) -> None:
         value, (said, fits) = find(values, name), RANGES[kind]
         if value is not None and not fits(value):
             raise ConfigError(f"{name} must be {said}, got {value}")
-    for name in NOT_EMPTY:
-        if find(values, name) in ([], {}):
-            raise ConfigError(f"{name} must name at least one, got none: there would be nothing to do")
+
+
+def _check_words(values: Mapping[str, Any]) -> None:
     for name, valid in CHOICES.items():
         if (value := find(values, name)) is not None and value not in valid:
             said = ", ".join("null" if one is None else one for one in valid)
             raise ConfigError(f"{name} must be one of {said}; got {value!r}")
-    for name, choices in CHOICES_OF_LISTS.items():
-        for value in find(values, name) or ():
-            if value not in choices:
-                raise ConfigError(f"each {name[:-1]} must be one of {', '.join(choices)}; got {value!r}")
     for name in NAMES:
         value = values.get(name)
         if value is not None and any(part in ("", ".", "..") for part in value.split("/")):
             raise ConfigError(f"{name} must be a name, or names joined by /, got {value!r}")
     if told := unknown_setting(find(values, "demonstrations.may_differ") or ()):
         raise ConfigError(f"demonstrations.may_differ has {told}")
-    for seed in values.get("seeds") or ():
+
+
+def _check_lists(values: Mapping[str, Any]) -> None:
+    for name in NOT_EMPTY:
+        if find(values, name) in ([], {}):
+            raise ConfigError(f"{name} must name at least one, got none: there would be nothing to do")
+    for name, choices in CHOICES_OF_LISTS.items():
+        for value in find(values, name) or ():
+            if value not in choices:
+                raise ConfigError(f"each {name[:-1]} must be one of {', '.join(choices)}; got {value!r}")
+    seeds = values.get("seeds") or ()
+    for seed in seeds:
         if seed < 0:
             raise ConfigError(f"seeds must be whole numbers from 0, got {seed}")
-    if len(set(seeds := values.get("seeds") or ())) < len(seeds):
+    if len(set(seeds)) < len(seeds):
         raise ConfigError(f"seeds must name each once, got {', '.join(map(str, seeds))}")
     for floor in values.get("floors") or ():
         if not floor > 0:
             raise ConfigError(f"floors must be positive, got {values['floors']}")
+
+
+def _check_together(values: Mapping[str, Any]) -> None:
+    """What a value may be beside another one."""
     every, gate = find(values, "chain.trial_every"), find(values, "chain.gate")
     if find(values, "chain.order") == "costliest" and not gate and every != 1:
         raise ConfigError(
@@ -155,7 +174,6 @@ def check_ranges_of(values: Mapping[str, Any]) -> None:
             f"spirl.capacity must be at least spirl.policy.first, the latents before the first update: got {capacity} "
             f"and {first}"
         )
-    _check_task(values["task"]["name"], values["task"]["subtasks"], values)
 
 
 def _check_task(task: str, subtasks: int, values: Mapping[str, Any]) -> None:

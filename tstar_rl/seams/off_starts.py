@@ -15,7 +15,7 @@ from torch import Tensor
 
 from tstar_rl.env.layout import JOINTS
 from tstar_rl.env.poses import pose_from
-from tstar_rl.seams.apart import part_poses
+from tstar_rl.seams.apart import angles_between, part_poses
 
 __all__ = ["Off", "off_starts"]
 
@@ -51,7 +51,9 @@ def off_starts(
         first, second = (pose_from(each, index, (joined or {}).get(index)) for each in poses)
         found[f"{name} position"] = _off(first[0], second[0])
         mean = torch.linalg.eigh(second[1].T @ second[1]).eigenvectors[:, -1]
-        found[f"{name} orientation"] = Off(*(_median(_angles(each[1], mean)) for each in (first, second)))
+        found[f"{name} orientation"] = Off(
+            *(_median(angles_between(each[1], mean)) for each in (first, second))
+        )
     return found
 
 
@@ -59,12 +61,6 @@ def _off(handed: Tensor, own: Tensor) -> Off:
     """Of vectors (n, d) and (m, d): distance from the mean of the second."""
     mean = own.mean(0)
     return Off(*(_median((each - mean).norm(dim=-1)) for each in (handed, own)))
-
-
-def _angles(turns: Tensor, mean: Tensor) -> Tensor:
-    """Degrees (n,) between orientations (n, 4) and one (4,); q and -q are one orientation."""
-    chord = torch.minimum((turns - mean).norm(dim=-1), (turns + mean).norm(dim=-1))
-    return torch.rad2deg(4 * torch.asin((chord / 2).clamp(max=1)))
 
 
 def _median(distances: Tensor) -> float:

@@ -26,7 +26,10 @@ LEAST = 20
 REPEATS = 5
 
 
-_ROBOT = (("joint", 7), ("joint speed", 7), ("finger", 2), ("hand", 3), ("hand turn", 4), ("hand speed", 3))
+_ROBOT = (
+    *(("joint", 7), ("joint speed", 7), ("finger", 2)),
+    *(("hand", 3), ("hand turn", 4), ("hand speed", 3), ("hand spin", 3)),
+)
 _AXES = ("x", "y", "z"), ("w", "x", "y", "z")
 
 
@@ -58,7 +61,7 @@ def input_names(parts: Sequence[str]) -> list[str]:
 
     Source: docs/task.md, "Observation".
     """
-    blocks = [*_ROBOT, ("hand spin", 3)]
+    blocks = list(_ROBOT)
     for part in parts:
         blocks += [(part, 3), (f"{part} turn", 4)]
     axes = {3: _AXES[0], 4: _AXES[1]}
