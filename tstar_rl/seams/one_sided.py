@@ -10,8 +10,8 @@ def one_sided(poses: NDArray[np.floating]) -> NDArray[np.floating]:
     """Poses (n, 7 P), a position and a quaternion of each part, with all quaternions of a part on one side.
 
     That is the side of the main axis of the part's quaternions, so that no heap is split; of the axis' two directions,
-    the one that the part's first quaternion is on. It is `tstar_envs.geometry.one_sided` without torch, which those who read
-    results do not load.
+    the one that the part's first quaternion is on. It is `tstar_envs.geometry.one_sided` without torch, which the
+    reading of results does not load.
     """
     parts = poses.reshape(len(poses), poses.shape[1] // 7, 7).copy()
     for part in range(parts.shape[1] if len(poses) else 0):
