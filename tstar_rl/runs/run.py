@@ -14,19 +14,13 @@ from typing import Any
 from torchrl.checkpoint import GlobalRNGState
 from tqdm import tqdm
 
-from tstar_rl.checks import MissingFileError, NothingToDo
 from tstar_rl.runs import checkpoint, lock
 from tstar_rl.runs.best_so_far import BestSoFar
 from tstar_rl.runs.csv_tables import LogError, MetricsLog
 from tstar_rl.runs.files import put_back, remove_folder, replacing
 from tstar_rl.runs.measured import chains_of, forget_measurements
-from tstar_rl.runs.mismatch import (
-    MACHINE_ONLY,
-    CheckpointMismatchError,
-    as_begun,
-    check_config,
-    known_then,
-)
+from tstar_rl.runs.mismatch import MACHINE_ONLY, CheckpointMismatchError, as_begun, known_then
+from tstar_rl.runs.previous_run import PreviousRun
 from tstar_rl.runs.run_config import note_resumed, note_section, read_config, restore_config, write_config
 from tstar_rl.runs.run_folder import FINISHED, SAVED, run_path
 
@@ -116,16 +110,16 @@ class Run:
         self.components = {**components, "run": self, "rng": GlobalRNGState()}
         for name in ("best", "last"):
             put_back(self.work / name)
-        found = None
+        found, previous = None, PreviousRun(self.results, self.work, self.record)
         if self.config["resume"]:
             found = checkpoint.latest(self.work / "checkpoints")
-            self._check_tables()
+            previous.check_tables()
             if found is None:
-                self._check_that_nothing_is_lost()
+                previous.check_that_nothing_is_lost()
         if found is None:
             self._begin_anew()
         else:
-            self._go_on(found)
+            self._go_on(found, previous)
         self.bar.update(self.env_steps - self.bar.n)
         self._clock = time.perf_counter()
         return self.env_steps
@@ -140,14 +134,14 @@ class Run:
             getattr(self, name).truncate(0)
         write_config(self.results, {**self.config, **self.notes})
 
-    def _go_on(self, found: Path) -> None:
+    def _go_on(self, found: Path, previous: PreviousRun) -> None:
         """Loads the checkpoint, if it is of this run, and notes that the run went on."""
         try:
             saved = checkpoint.read_record(found)
             begun = as_begun(saved, known_then(saved, self.record))
             checkpoint.read_record(found, **begun)
             changed = [section for section in begun if begun[section] != self.record[section]]
-            self._stop_if_done(changed)  # before its tables go back to the checkpoint
+            previous.stop_if_done(changed)  # before its tables go back to the checkpoint
             checkpoint.load(found, self.components, **begun)
         except (CheckpointMismatchError, checkpoint.DamagedCheckpointError, LogError) as error:
             raise type(error)(f"{error} (resume=false starts over)") from error
@@ -167,57 +161,6 @@ class Run:
         if self.record["subtask"] is not None:
             chains = chains_of(system, task, seed, usual=self.config.get("skills") == system)
         forget_measurements([self.results, *chains.values()], task, {system, *chains}, seed)
-
-    def _stop_if_done(self, changed: Sequence[str] = ()) -> None:
-        """Raises NothingToDo if the run has finished, and what it has trained is there, unless it is to go on.
-
-        Raises:
-            MissingFileError: if it has, and its tables are not where this run would write them.
-        """
-        if not changed and (self.work / FINISHED).is_file() and (self.work / "last").is_dir():
-            if not (self.results / "config.yaml").is_file():
-                raise MissingFileError(
-                    f"{self.work} has finished, and its tables are not in {self.results}: give the results_dir that it "
-                    "was trained with (resume=false starts over)"
-                )
-            raise NothingToDo(f"{self.work} has finished: nothing to do (resume=false starts over)")
-
-    def _check_tables(self) -> None:
-        """Raises CheckpointMismatchError if the tables here are of a training that had another config."""
-        saved = read_config(self.results)
-        if not saved.get("evaluation_only"):
-            check_config(self.results, saved, as_begun(saved, known_then(saved, self.record)))
-
-    def _check_that_nothing_is_lost(self) -> None:
-        """Raises what `start` does where a run without checkpoints has ended, or is here in part.
-
-        In part are its tables alone, or what it trained alone.
-        """
-        if (self.work / FINISHED).is_file():
-            self._check_steps()
-            self._stop_if_done()
-        if (self.work / "last").is_dir() and not (self.work / FINISHED).is_file():
-            raise MissingFileError(
-                f"{self.work} has what a run trained, last, and neither {FINISHED} nor checkpoints to go on from: copy "
-                f"{FINISHED} there as well, or give another runs_dir (resume=false starts over)"
-            )
-        table = self.results / "evaluation.csv"
-        saved = any((self.work / name).is_dir() for name in SAVED)
-        if table.is_file() and not saved and not read_config(self.results).get("evaluation_only"):
-            raise MissingFileError(
-                f"{self.results} has the tables of a run that was evaluated, and nothing of it is in {self.work}: give "
-                "the runs_dir that it was trained with, or another results_dir for a new one (resume=false starts over)"
-            )
-
-    def _check_steps(self) -> None:
-        """Raises CheckpointMismatchError if the run that has finished here was given fewer steps."""
-        saved = read_config(self.results)
-        asked = known_then(saved, self.record)
-        if as_begun(saved, asked) != asked:
-            raise CheckpointMismatchError(
-                f"{self.work}: more steps are asked for than it was given, and it has no checkpoint to go on from: it "
-                "ended before checkpoint_every steps, or the checkpoints were deleted (resume=false starts over)"
-            )
 
     def log(self, env_steps: int, **row: Any) -> None:
         """Adds a row at `env_steps` and moves the bar."""
