@@ -30,7 +30,8 @@ def skill(subtask: int, logit: float | None) -> Skill:
     torch.nn.init.zeros_(made.policy[0][1].module[0][-1].weight)
     torch.nn.init.zeros_(made.policy[0][1].module[0][-1].bias)
     if logit is not None:
-        *_, last = (one for one in made.network(FEASIBILITY).modules() if isinstance(one, torch.nn.Linear))
+        f = made.add_network(FEASIBILITY)
+        *_, last = (one for one in f.modules() if isinstance(one, torch.nn.Linear))
         torch.nn.init.zeros_(last.weight)
         torch.nn.init.constant_(last.bias, logit)
     return made
