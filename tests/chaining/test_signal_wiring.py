@@ -145,7 +145,9 @@ def test_a_critics_error_and_the_value_paid_are_in_the_units_of_the_skill_they_a
     point_chain("hand_over_value", *SHORT, "chain.links=2", "chain.rounds=2", *CRITIC)
     assert all(given == pytest.approx(expected) for given, expected in scales) and scales[-1][1] != 1.0
     assert all(unit == deviation for unit, deviation, *_ in errors)
-    assert len(errors) >= 3  # of four rollouts: in a skill's first its critic, which learned nothing, may have no unit
+    assert (
+        len(errors) >= 3
+    )  # of four rollouts: in a skill's first its critic, which learned nothing, may have no unit
     assert errors[-1][0] != 1.0  # that of a first rollout is
     assert all(scale == pytest.approx(expected) for *_, scale, expected in errors)
 
