@@ -49,9 +49,8 @@ def main(config: DictConfig) -> None:
             skill.termination_set.extend_from(turn.chained(rollout))
             log = update_f_phi(expert=turn.expert.observations, agent=rollout["observation"])
             rollout, own = reward(rollout), rl.value_scale(skill, config.value_scale)
-            errors = (
-                turn.critic_errors(rollout, own) if own else None
-            )  # before the critic is fitted to this rollout
+            # Before the critic is fitted to this rollout.
+            errors = turn.critic_errors(rollout, own) if own else None
             log |= update_policy(rollout, turn.progress)
             if errors:
                 log |= update_error(*errors)

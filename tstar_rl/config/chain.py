@@ -28,7 +28,7 @@ from tstar_rl.rollouts.ray_collection import RayCollection
 from tstar_rl.rollouts.state_sets import TerminationSet
 from tstar_rl.runs.mismatch import CheckpointMismatchError, differences
 from tstar_rl.runs.run import Run
-from tstar_rl.runs.run_folder import SKILLS_TOOK, run_path, spent_by
+from tstar_rl.runs.run_folder import SKILLS_TOOK, run_path, spent_by_skills
 from tstar_rl.seeds import derive_seed
 
 __all__ = ["chain_turns", "check_links", "load_skills", "skills_as_they_are", "trial_env"]
@@ -64,8 +64,7 @@ def chain_turns(config: DictConfig, experts: Sequence[Demonstrations] | None = N
         )
     values = config.chain
     rollouts, frames = turn_shape(config)
-    place = (config.runs_dir, config.task.name, config.skills, config.seed)
-    took = spent_by(run_path(*place, index) for index in range(len(skills)))
+    took = spent_by_skills(config.runs_dir, config.task.name, config.skills, config.seed, len(skills))
     steps = values.rounds * len(skills) * rollouts * frames
     run = Run(plain(config), None, steps, trials=True, notes={SKILLS_TOOK: took})
     workshop = _Workshop(config)

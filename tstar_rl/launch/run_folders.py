@@ -18,6 +18,7 @@ from tstar_rl.runs.run_folder import (
     run_path,
     same_spent,
     spent_by,
+    spent_by_skills,
 )
 
 __all__ = [
@@ -92,8 +93,7 @@ def check_skills_stay(config: DictConfig, results: Path, links: int) -> None:
 
 
 def _skills_take(config: DictConfig, skills: str, links: int) -> dict[str, float]:
-    place = (config.runs_dir, config.task.name, skills, config.seed)
-    return spent_by(run_path(*place, index) for index in range(links))
+    return spent_by_skills(config.runs_dir, config.task.name, skills, config.seed, links)
 
 
 def of_an_earlier_training(table: Path, config: DictConfig) -> bool:

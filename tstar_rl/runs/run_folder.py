@@ -25,6 +25,7 @@ __all__ = [
     "run_path",
     "same_spent",
     "spent_by",
+    "spent_by_skills",
 ]
 
 UNTRAINED = "no_finetuning"
@@ -90,6 +91,11 @@ def spent_by(runs: Iterable[Path]) -> dict[str, float]:
         return dict.fromkeys(SPENT, math.nan)
     spent = [json.loads(file.read_text()) for file in files]
     return {name: sum(one.get(name, math.nan) for one in spent) for name in SPENT}
+
+
+def spent_by_skills(root: str | Path, task: str, recipe: str, seed: int, links: int) -> dict[str, float]:
+    """The same of the runs of the first `links` skills."""
+    return spent_by(run_path(root, task, recipe, seed, index) for index in range(links))
 
 
 def same_spent(one: Mapping[str, float], other: Mapping[str, float]) -> bool:
