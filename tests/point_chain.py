@@ -10,7 +10,8 @@ from tensordict import TensorDict
 from torchrl.data import Binary, Bounded, Composite, Unbounded
 from torchrl.envs import EnvBase
 
-from tstar_rl.chaining.skill import NetworkSettings, Skill
+from tstar_rl.chaining.skill import Skill
+from tstar_rl.models.network_settings import NetworkSettings
 
 SUBTASKS = 4
 NETWORKS = NetworkSettings(

@@ -2,7 +2,8 @@
 
 import torch
 
-from tstar_rl.chaining.skill import NetworkSettings, Skill
+from tstar_rl.chaining.skill import Skill
+from tstar_rl.models.network_settings import NetworkSettings
 
 SMALL = NetworkSettings(hidden=(32, 32), std="fixed", action_std=0.3, hand_std=0.3)
 

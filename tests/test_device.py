@@ -11,7 +11,8 @@ from tensordict import TensorDict
 from torchrl.envs import Compose
 
 from tstar_rl import FurnitureEnv
-from tstar_rl.chaining.skill import NetworkSettings, Skill
+from tstar_rl.chaining.skill import Skill
+from tstar_rl.models.network_settings import NetworkSettings
 from tstar_rl.rollouts.collection import Collection, with_starts
 from tstar_rl.runs import checkpoint
 from tstar_rl.transforms import GAILReward, RewardMixture, TerminalStateReward

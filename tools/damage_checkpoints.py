@@ -19,7 +19,8 @@ from typing import Any
 
 import torch
 
-from tstar_rl.chaining.skill import NetworkSettings, Skill
+from tstar_rl.chaining.skill import Skill
+from tstar_rl.models.network_settings import NetworkSettings
 from tstar_rl.runs.checksums import DamagedCheckpointError
 
 REFUSED, UNNAMED, LOADED = "refused by name", "refused otherwise", "loaded"

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from tstar_rl.chaining.chain import ChainPolicy, load_chain, save_chain
     from tstar_rl.chaining.recovery import RecoverySettings, judge_outcomes, learn_outcomes
     from tstar_rl.chaining.signals import StateValue, value_scale
-    from tstar_rl.chaining.skill import NetworkSettings, Skill
+    from tstar_rl.chaining.skill import Skill
     from tstar_rl.chaining.trials import run_trial
     from tstar_rl.checks import InvalidValueError
     from tstar_rl.config.build import (
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from tstar_rl.config.values import plain, settings
     from tstar_rl.demonstrations.data_set import Demonstrations
     from tstar_rl.env.furniture_env import FurnitureEnv
+    from tstar_rl.models.network_settings import NetworkSettings
     from tstar_rl.rollouts.collection import Collection, with_starts
     from tstar_rl.rollouts.labels import Label
     from tstar_rl.rollouts.starts import MixedStarts
@@ -72,7 +73,7 @@ HOMES = {
     "Label": "rollouts.labels",
     "LabelledSettings": "updates",
     "MixedStarts": "rollouts.starts",
-    "NetworkSettings": "chaining.skill",
+    "NetworkSettings": "models.network_settings",
     "PPOSettings": "updates",
     "PolicyUpdate": "updates",
     "ProximityReward": "transforms",

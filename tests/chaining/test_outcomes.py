@@ -10,8 +10,9 @@ from torch.testing import assert_close
 
 from tstar_rl.chaining.chain_training import ChainTraining
 from tstar_rl.chaining.signals import StateValue, critic_errors, outcomes_of, value_scale
-from tstar_rl.chaining.skill import APPROACH, NetworkSettings, Skill
+from tstar_rl.chaining.skill import APPROACH, Skill
 from tstar_rl.chaining.trials import Trial, run_trial
+from tstar_rl.models.network_settings import NetworkSettings
 from tstar_rl.models.normalizer import Standardizer
 from tstar_rl.rollouts.collection import with_starts
 

@@ -9,10 +9,11 @@ from tensordict import TensorDict
 from torchrl.envs import ExplorationType, set_exploration_type
 
 from tstar_rl.chaining.chain import ChainPolicy, chain_folders, load_chain, save_chain
-from tstar_rl.chaining.skill import NetworkSettings, Skill
+from tstar_rl.chaining.skill import Skill
 from tstar_rl.checks import InvalidValueError, MissingFileError
 from tstar_rl.config.build import load_skill
 from tstar_rl.models.draws import generators_stay
+from tstar_rl.models.network_settings import NetworkSettings
 from tstar_rl.runs import checkpoint
 from tstar_rl.runs.checkpoint import DamagedCheckpointError
 from tstar_rl.runs.mismatch import CheckpointMismatchError, differences

@@ -12,10 +12,11 @@ import pytest
 from recipe_runs import ROOT, command, environ
 
 from tstar_rl import checks
-from tstar_rl.chaining.skill import NetworkSettings, Skill
+from tstar_rl.chaining.skill import Skill
 from tstar_rl.checks import NothingToDo, UserError
 from tstar_rl.config.command_line import FULL_ERROR, HINT, STOPPED, told_in_words
 from tstar_rl.config.load import recipe
+from tstar_rl.models.network_settings import NetworkSettings
 from tstar_rl.runs.run_folder import run_path
 
 SMALL = NetworkSettings(hidden=(16,), std="fixed", discriminator_hidden=(16,))

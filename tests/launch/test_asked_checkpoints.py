@@ -9,10 +9,11 @@ import pytest
 from hydra import compose, initialize_config_dir
 
 from tstar_rl.chaining.chain import save_chain
-from tstar_rl.chaining.skill import NetworkSettings, Skill
+from tstar_rl.chaining.skill import Skill
 from tstar_rl.config.values import CONFIGS, plain
 from tstar_rl.launch.asked_checkpoints import find_checkpoints, spent_on
 from tstar_rl.launch.run_folders import check_skills_stay, of_an_earlier_training
+from tstar_rl.models.network_settings import NetworkSettings
 from tstar_rl.runs.csv_tables import append_rows
 from tstar_rl.runs.mismatch import CheckpointMismatchError
 from tstar_rl.runs.run_config import write_config

@@ -13,8 +13,9 @@ from recipe_runs import load_recipe
 
 from tstar_envs import rendering
 from tstar_rl.chaining.chain import ChainPolicy, save_chain
-from tstar_rl.chaining.skill import NetworkSettings, Skill
+from tstar_rl.chaining.skill import Skill
 from tstar_rl.config.values import CONFIGS
+from tstar_rl.models.network_settings import NetworkSettings
 
 
 @pytest.fixture(scope="module")

@@ -8,8 +8,9 @@ import torch
 from hydra import compose, initialize_config_dir
 from recipe_runs import load_recipe
 
-from tstar_rl.chaining.skill import NetworkSettings, Skill
+from tstar_rl.chaining.skill import Skill
 from tstar_rl.config.values import CONFIGS
+from tstar_rl.models.network_settings import NetworkSettings
 from tstar_rl.shipped.catalogue import CHAINS, load_pretrained
 from tstar_rl.shipped.chain import save_shipped
 

@@ -13,9 +13,10 @@ from recipe_runs import load_recipe, run
 from recorded import as_demonstrations, make, scripted
 
 from tstar_rl.chaining.chain import save_chain
-from tstar_rl.chaining.skill import NetworkSettings, Skill
+from tstar_rl.chaining.skill import Skill
 from tstar_rl.config.build import load_skill
 from tstar_rl.demonstrations.formats import not_reproduced, read_hdf5, write_hdf5
+from tstar_rl.models.network_settings import NetworkSettings
 from tstar_rl.rollouts.episodes import same_policy
 from tstar_rl.runs.run_folder import run_path
 

@@ -9,7 +9,8 @@ import yaml
 from recipe_runs import kill_after, metrics, places, run
 
 from tstar_rl import FurnitureEnv
-from tstar_rl.chaining.skill import NetworkSettings, Skill
+from tstar_rl.chaining.skill import Skill
+from tstar_rl.models.network_settings import NetworkSettings
 from tstar_rl.rollouts.collection import Collection, with_starts
 
 

@@ -12,8 +12,9 @@ from hydra import compose, initialize_config_dir
 from recipe_runs import load_recipe
 
 from tstar_rl.chaining.chain import load_chain, save_chain
-from tstar_rl.chaining.skill import NetworkSettings, Skill
+from tstar_rl.chaining.skill import Skill
 from tstar_rl.config.values import CONFIGS, plain
+from tstar_rl.models.network_settings import NetworkSettings
 from tstar_rl.shipped.catalogue import load_pretrained, pretrained
 
 ROW = {

@@ -8,8 +8,9 @@ from hydra import compose, initialize_config_dir
 from recipe_runs import load_recipe
 from tensordict import TensorDict
 
-from tstar_rl.chaining.skill import NetworkSettings, Skill
+from tstar_rl.chaining.skill import Skill
 from tstar_rl.config.values import CONFIGS
+from tstar_rl.models.network_settings import NetworkSettings
 from tstar_rl.shipped.chain import load_shipped, save_shipped
 
 TASK = "table_lack"

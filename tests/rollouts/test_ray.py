@@ -16,8 +16,9 @@ import torch
 from recipe_runs import SMALL, metrics, places, run
 
 from tstar_rl import FurnitureEnv
-from tstar_rl.chaining.skill import NetworkSettings, Skill
+from tstar_rl.chaining.skill import Skill
 from tstar_rl.launch.cluster import run_on_cluster
+from tstar_rl.models.network_settings import NetworkSettings
 from tstar_rl.rollouts.cluster import ClusterSettings, connect
 from tstar_rl.rollouts.collection import Collection, with_starts
 from tstar_rl.rollouts.ray_collection import RayCollection, Worker, _make

@@ -10,8 +10,9 @@ from tensordict import TensorDict
 from torchrl.envs import ExplorationType, set_exploration_type
 
 from tstar_rl.chaining.chain import ChainPolicy
-from tstar_rl.chaining.skill import NetworkSettings, Skill
+from tstar_rl.chaining.skill import Skill
 from tstar_rl.checks import InvalidValueError
+from tstar_rl.models.network_settings import NetworkSettings
 from tstar_rl.runs.mismatch import CheckpointMismatchError
 from tstar_rl.shipped.catalogue import load_pretrained, pretrained
 from tstar_rl.shipped.chain import load_shipped, save_shipped

@@ -10,8 +10,9 @@ from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
 from torchrl.envs import ExplorationType, set_exploration_type
 
 from tstar_rl import FurnitureEnv
-from tstar_rl.chaining.skill import NetworkSettings, Skill
+from tstar_rl.chaining.skill import Skill
 from tstar_rl.config.build import load_skill
+from tstar_rl.models.network_settings import NetworkSettings
 from tstar_rl.rollouts.collection import Collection, with_starts
 from tstar_rl.runs import checkpoint
 from tstar_rl.runs.mismatch import CheckpointMismatchError

@@ -4,7 +4,8 @@ import pytest
 import torch
 from tensordict import TensorDict
 
-from tstar_rl.chaining.skill import NetworkSettings, Skill
+from tstar_rl.chaining.skill import Skill
+from tstar_rl.models.network_settings import NetworkSettings
 from tstar_rl.updates import PolicyUpdate, PPOSettings
 
 

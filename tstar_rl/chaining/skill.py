@@ -2,16 +2,17 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import torch
 from torch import nn
 
-from tstar_rl.checks import InvalidValueError, check_choices, check_ranges, check_sizes, did_you_mean
+from tstar_rl.checks import InvalidValueError, did_you_mean
 from tstar_rl.env.layout import observation_size
 from tstar_rl.models.draws import generators_stay
+from tstar_rl.models.network_settings import ACTIVATIONS, NetworkSettings
 from tstar_rl.models.networks import Discriminator, make_discriminator, make_policy, make_value
 from tstar_rl.models.normalizer import Normalizer, Standardizer
 from tstar_rl.models.relative_features import RelativeFeatures
@@ -21,44 +22,10 @@ from tstar_rl.rollouts.state_sets import InitiationSet, StateSet, TerminationSet
 from tstar_rl.runs import checkpoint
 from tstar_rl.runs.saved_kinds import ONE_SKILL, kind_of
 
-__all__ = ["NetworkSettings", "Skill"]
+__all__ = ["Skill"]
 
-ACTIVATIONS = {"relu": nn.ReLU, "tanh": nn.Tanh}
 APPROACH = 16
 """Approaching states kept for each start: an episode has many states and one end."""
-
-
-@dataclass(frozen=True)
-class NetworkSettings:
-    """Source: the paper's appendix for the defaults, but for the deviations, which begin at .5 in `scale=paper`.
-
-    Raises:
-        InvalidValueError: for a size or deviation out of its range, or an unknown activation or kind of deviation.
-    """
-
-    hidden: tuple[int, ...] = (128, 256)
-    """Sizes of the hidden layers of policy and value network."""
-    activation: str = "relu"
-    """Between them: `relu` or `tanh`."""
-    std: str = "state"
-    """Of the actions: `state`, learned and given by the policy; `fixed`, as `exploration` says."""
-    action_std: float = 0.1
-    """Deviation of the joint velocities, as a share of their range; with std=state at the beginning."""
-    hand_std: float = 0.1
-    """Deviation of the gripper and connect actions."""
-    features: bool = False
-    """Whether policy and value also see `RelativeFeatures`; else they see the observation alone."""
-    discriminator_hidden: tuple[int, ...] = (256, 256)
-    """Sizes of the hidden layers of f_phi, d_omega and further networks of scores."""
-    discriminator_activation: str = "tanh"
-    """Between these."""
-
-    def __post_init__(self) -> None:
-        check_ranges(self, positive=("action_std", "hand_std"))
-        check_choices(
-            self, activation=ACTIVATIONS, discriminator_activation=ACTIVATIONS, std=("state", "fixed")
-        )
-        check_sizes(self, "hidden", "discriminator_hidden")
 
 
 class Skill:

@@ -10,7 +10,7 @@ from omegaconf import DictConfig
 from torch import nn
 from torchrl.envs import TransformedEnv
 
-from tstar_rl.chaining.skill import NetworkSettings, Skill
+from tstar_rl.chaining.skill import Skill
 from tstar_rl.chaining.training import SkillTraining, TrainingSettings
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.demonstrations import load_demonstrations
@@ -18,6 +18,7 @@ from tstar_rl.config.values import plain, settings
 from tstar_rl.demonstrations.data_set import Demonstrations
 from tstar_rl.demonstrations.starts import DemonstrationStarts
 from tstar_rl.models.exploration import Exploration
+from tstar_rl.models.network_settings import NetworkSettings
 from tstar_rl.rollouts.cluster import ClusterSettings
 from tstar_rl.rollouts.collection import Collection, with_starts
 from tstar_rl.rollouts.ray_collection import RayCollection

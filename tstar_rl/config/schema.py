@@ -16,7 +16,7 @@ __all__ = ["SECTIONS", "Config", "Section", "SpirlSection"]
 
 SECTIONS = {
     "cluster": "rollouts.cluster.ClusterSettings",
-    "networks": "chaining.skill.NetworkSettings",
+    "networks": "models.network_settings.NetworkSettings",
     "exploration": "models.exploration.Exploration",
     "bc": "updates.BehaviourCloningSettings",
     "ppo": "updates.PPOSettings",
