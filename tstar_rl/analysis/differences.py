@@ -88,12 +88,15 @@ def difference_of(values: Array, draws: Array) -> Difference:
     both arms did the same, which Student's test says.
     """
     mean, number = float(values.mean()), len(values)
+    half, p = student_half(values), student_p(values)
     if number > 1 and _agree(values):
-        few = (math.nan, math.nan) if number < AGREED else (0.0, 2 * 0.5**number)
-        return Difference(
-            mean, *interval_ends(draws), *(few if np.round(mean, DIGITS) else (0.0, 1.0)), number
-        )
-    return Difference(mean, *interval_ends(draws), student_half(values), student_p(values), number)
+        if not np.round(mean, DIGITS):
+            half, p = 0.0, 1.0
+        elif number < AGREED:
+            half, p = math.nan, math.nan
+        else:
+            half, p = 0.0, 2 * 0.5**number
+    return Difference(mean, *interval_ends(draws), half, p, number)
 
 
 def outer_ends(value: float, low: float, high: float, t_half: float) -> tuple[float, float]:

@@ -37,9 +37,8 @@ def late_trials(metrics: pd.DataFrame, task: str, earlier: int) -> pd.DataFrame:
     ends = tried.sort_values("env_steps").groupby(["recipe", "seed", "round"], as_index=False).last()
     for arm, rows in ends.groupby("recipe"):
         trials = rows.pivot(index="seed", columns="round", values="trial_progress").dropna(axis=1)
-        number = (
-            int(trials.columns.max()) + 1 if len(trials.columns) else 0
-        )  # rounds are counted from 0 there
+        # In metrics.csv rounds are counted from 0.
+        number = 1 + max(map(int, trials.columns), default=-1)
         if number <= earlier or earlier - 1 not in trials:
             continue
         last = trials[number - 1]

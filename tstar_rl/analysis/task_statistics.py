@@ -131,10 +131,9 @@ def improvement_over_tasks(
             f"both arms need the same tasks, and at least one; got {len(first)} and {len(second)}"
         )
     values, draws, others = [], np.zeros(resamples), np.zeros(resamples)
-    below, above = (
-        [],
-        [],
-    )  # how far the probability may be from 1, and from 0, on tasks that are all won or lost
+    # On tasks that are all won, or all lost: how far the probability may be from 1, or from 0.
+    below: list[float] = []
+    above: list[float] = []
     for one, other in zip(first, second, strict=True):
         value = probability_of_improvement(seed_means(one), seed_means(other))
         drawn = probability_of_improvement(*(draw(scores, rng, resamples) for scores in (one, other)))
