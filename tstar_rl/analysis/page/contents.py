@@ -3,10 +3,11 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import yaml
 
+from tstar_rl.analysis.aids import Aids
 from tstar_rl.analysis.goals import Goals
 from tstar_rl.analysis.learned import Learned
 from tstar_rl.analysis.page.headline import Headline, parse_headline
@@ -20,6 +21,8 @@ from tstar_rl.runs.run_folder import UNTRAINED
 __all__ = ["Contents", "Entry", "read_contents"]
 
 FILE = "contents.yaml"
+
+Rule = TypeVar("Rule", Learned, Aids)
 
 
 @dataclass(frozen=True)
@@ -50,6 +53,8 @@ class Entry:
     """Arms without a hand-over gap, since their skills start from other states alone than in the chain."""
     learned: Learned | None = None
     """Declared before the experiment ran: when a skill counts as learned."""
+    aids: Aids | None = None
+    """Declared before the experiment ran: the arm with all aids of training, and when one counts as needed."""
     late_trials: int | None = None
     """Declared before the experiment ran: the round, counted from 1, whose trial the last one is compared with."""
     figure_arms: tuple[str, ...] = ()
@@ -139,6 +144,7 @@ AS_WRITTEN: dict[str, Any] = {
     "task_questions": tuple[dict[str, Any], ...],
     "choices": dict[str, tuple[str, str]],
     "learned": dict[str, Any],
+    "aids": dict[str, Any],
     "goals": dict[str, Any],
     "arms": dict[str, str],
 }
@@ -158,7 +164,8 @@ def _entry(root: Path, one: Any) -> Entry:
         "questions": lambda asked: tuple(_question(each, where) for each in asked),
         "task_questions": lambda asked: tuple(_task_question(each, where) for each in asked),
         "choices": lambda choices: dict(zip(choices, _pairs(choices.values()), strict=True)),
-        "learned": lambda given: _learned(given, where),
+        "learned": lambda given: _declared(Learned, given, f"{where}: learned"),
+        "aids": lambda given: _declared(Aids, given, f"{where}: aids"),
         "goals": lambda given: _goals(given, where),
         **{name: lambda listed: listed and tuple(listed) for name in ("no_gap", "figure_arms", "sections")},
     }
@@ -209,10 +216,10 @@ def _task_question(asked: Mapping[str, Any], where: str) -> TaskQuestion:
     return TaskQuestion(**{**asked, "pair": _pairs([asked["pair"]])[0]})
 
 
-def _learned(given: Mapping[str, Any], where: str) -> Learned:
-    """An experiment's `learned`."""
-    check(given, Learned, f"{where}: learned")
-    return Learned(**given)
+def _declared(kind: type[Rule], given: Mapping[str, Any], where: str) -> Rule:
+    """A rule of an experiment, such as its `learned`."""
+    check(given, kind, where)
+    return kind(**given)
 
 
 def _goals(given: Mapping[str, Any], where: str) -> Goals:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from tstar_rl.analysis.experiments import read_experiment
 from tstar_rl.analysis.page import experiment as parts
-from tstar_rl.analysis.page import sections
+from tstar_rl.analysis.page import sections, skills
 from tstar_rl.analysis.page.calibration import calibration
 from tstar_rl.analysis.page.choices import choice_table
 from tstar_rl.analysis.page.commits import commits
@@ -176,8 +176,9 @@ def _experiment(entry: Entry, paper: Paper) -> str:
             leads["Calibration"] = calibration(entry.folder, metrics, paper, task, entry.prefix)
             leads["Later trials"] = trials_over_time(metrics, paper, task, entry.late_trials)
         leads["What the skills hand over"] = sections.hand_over(entry.folder, task, paper, entry.prefix)
-        leads["Which skills are learned"] = sections.learned(entry.learned, evaluations, task)
-        leads["Skills alone"] = sections.skills(evaluations, task)
+        leads["What each aid is worth"] = skills.aids(entry.aids, evaluations, paper, task)
+        leads["Which skills are learned"] = skills.learned(entry.learned, evaluations, task)
+        leads["Skills alone"] = skills.skills(evaluations, task)
         leads["Where the third skill ends: the paper's Figure 4"] = sections.figure_4(
             entry.folder, task, paper, entry.prefix
         )

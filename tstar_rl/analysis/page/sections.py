@@ -1,4 +1,4 @@
-"""Parts of the page that are tables of what was run: beside the paper, budgets, skills, hand-overs."""
+"""Parts of the page that are tables of what was run: beside the paper, budgets, hand-overs."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -6,11 +6,9 @@ from pathlib import Path
 import pandas as pd
 
 from tstar_rl.analysis import ablations, variants
-from tstar_rl.analysis.learned import Learned, evaluated_skills, learned_skills
 from tstar_rl.analysis.page.markdown import (
     NOTHING,
     Paper,
-    interval,
     interval_of,
     labels,
     over_seeds,
@@ -29,9 +27,7 @@ __all__ = [
     "figure_4",
     "hand_over",
     "in_order",
-    "learned",
     "pick",
-    "skills",
 ]
 
 TIME = """\
@@ -94,37 +90,6 @@ def budgets(evaluations: pd.DataFrame, paper: Paper, task: str) -> str:
         rows.append([label, known.get("steps", NOTHING), long, steps, f"{last['minutes'].mean():.1f}"])
     header = ["system", "paper: steps", "paper: time", "ours: environment steps", "ours: minutes of one core"]
     return f"{TIME}\n{table(header, rows)}" if rows else ""
-
-
-def skills(evaluations: pd.DataFrame, task: str) -> str:
-    """Success of each subtask's skill alone, from its own starts."""
-    alone, rows = evaluations[(evaluations["task"] == task) & (evaluations["subtask"] >= 0)], []
-    for (system, subtask), part in alone.groupby(["recipe", "subtask"]):
-        last, best = (pick(part, str(system), checkpoint) for checkpoint in ("last", "best"))
-        sampled = pick(part, str(system), "last", "stochastic")
-        row = [over_seeds(one["success"], percent=True) for one in (last, sampled, best)]
-        trained = best if last.empty else last  # what else is there was kept on the way, as SPiRL's prior
-        steps = f"{trained['env_steps'].mean() / 1e6:.2f}M" if len(trained) else NOTHING
-        rows.append([f"{system}, subtask {subtask}", *row, steps, str(part["seed"].nunique())])
-    return (
-        table(["skill", "last", "last, sampled", "best", "environment steps", "seeds"], rows) if rows else ""
-    )
-
-
-def learned(rule: Learned | None, evaluations: pd.DataFrame, task: str) -> str:
-    """Which skills of a task are learned, by the declared rule; nothing where none was declared, or none was run."""
-    rows = pd.DataFrame() if rule is None else evaluated_skills(rule, evaluations, task)
-    if rule is None or rows.empty:
-        return ""
-    lines = []
-    for subtask, found in learned_skills(rule, rows).iterrows():
-        seeds = [
-            f"{row.seed}: {interval(row.success, row.success_low, row.success_high)}"
-            for row in rows[rows["subtask"] == subtask].itertuples()
-        ]
-        lines.append([str(subtask), "; ".join(seeds), f"{found['mean']:.3f}", f"**{found['answer']}**"])
-    asked = f"learned: {rule.mean:g} or more on average, {rule.lowest:g} or more on every seed"
-    return table(["subtask", "success of each seed [95%, Wilson]", "mean", asked], lines)
 
 
 def figure_4(root: Path, task: str, paper: Paper, prefix: str) -> str:
