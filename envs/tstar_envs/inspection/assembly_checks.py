@@ -9,6 +9,7 @@ import torch
 
 from tstar_envs import geometry
 from tstar_envs.connection import WrongPairs
+from tstar_envs.inspection.finding import Finding, doubtful, wrong
 from tstar_envs.inspection.reach import shortfall
 from tstar_envs.inspection.workshop import FAR, Workshop
 
@@ -22,42 +23,39 @@ MOST_MASS = 5.0
 INSIDE, ON_THE_WAY = 0.0005, 0.002
 """m: how deep joined parts may be in each other, and how deep on the way there."""
 _LOOK_AHEAD = 0.03
-Found = Iterator[tuple[bool, str, str]]
 
 
-def assembly_findings(workshop: Workshop) -> Found:
+def assembly_findings(workshop: Workshop) -> Iterator[Finding]:
     """Everything about the steps, in their order."""
+    wrong_pairs = WrongPairs(workshop.furniture, torch.device("cpu"))
     for step in range(len(workshop.furniture.steps)):
         yield from _grasp(workshop, step)
         yield from _reach(workshop, step)
         yield from _way_in(workshop, step)
         yield from _values(workshop, step)
-        yield from _twins(workshop, step)
+        yield from _twins(workshop, step, wrong_pairs)
 
 
-def _grasp(workshop: Workshop, k: int) -> Found:
+def _grasp(workshop: Workshop, k: int) -> Iterator[Finding]:
     workshop.place(workshop.nominal[k])
     step, where = workshop.furniture.steps[k], f"steps[{k}].grasp"
     point, axis = _grasp_in_world(workshop, k)
     surfaces = workshop.thickness(workshop.group(k), point, axis)
     if surfaces is None:
-        yield (
-            True,
+        yield wrong(
             where,
             f"nothing of {step.moving_part} is between the fingers there, or it is wider than {2000 * FAR:.0f} mm",
         )
         return
     width = sum(surfaces)
     if width > WIDEST or width < NARROWEST:
-        yield (
-            True,
+        yield wrong(
             where,
             f"{step.moving_part} is {1000 * width:.0f} mm wide there, the fingers take "
             f"{1000 * NARROWEST:.1f} to {1000 * WIDEST:.0f} mm",
         )
     elif width < FIRM:
-        yield (
-            False,
+        yield doubtful(
             where,
             f"{step.moving_part} is {1000 * width:.0f} mm wide there: below {1000 * FIRM:.0f} mm the pads "
             f"hardly press",
@@ -66,28 +64,26 @@ def _grasp(workshop: Workshop, k: int) -> Found:
         yield _aside(step.moving_part, where, surfaces)
     tilt = abs(float(axis @ np.array(step.grip_angle)))
     if tilt > 0.5:
-        yield (
-            True,
-            where,
-            "the fingers would close along the direction in which the hand comes: turn one of the two",
+        yield wrong(
+            where, "the fingers would close along the direction in which the hand comes: turn one of the two"
         )
 
 
-def _aside(part: str, where: str, surfaces: tuple[float, float]) -> tuple[bool, str, str]:
+def _aside(part: str, where: str, surfaces: tuple[float, float]) -> Finding:
     """What a grasp beside the middle of a part does; `surfaces` as in `Workshop.thickness`."""
     off, half = 500 * abs(surfaces[0] - surfaces[1]), WIDEST / 2
     if -min(surfaces) > half:
-        return (
-            True,
-            where,
-            f"nothing of {part} is between the fingers there: it is {off:.0f} mm beside their middle",
+        return wrong(
+            where, f"nothing of {part} is between the fingers there: it is {off:.0f} mm beside their middle"
         )
     if max(surfaces) > half + SLIPS:
-        return True, where, f"a finger comes down on {part}, whose middle is {off:.0f} mm off the grasp's"
-    return False, where, f"its middle is {off:.0f} mm off the middle of the part: one finger pushes it first"
+        return wrong(where, f"a finger comes down on {part}, whose middle is {off:.0f} mm off the grasp's")
+    return doubtful(
+        where, f"its middle is {off:.0f} mm off the middle of the part: one finger pushes it first"
+    )
 
 
-def _reach(workshop: Workshop, k: int) -> Found:
+def _reach(workshop: Workshop, k: int) -> Iterator[Finding]:
     """The hand where it grasps, and where it holds the part when the connectors meet: one way round, the easier.
 
     And at the lift point, which the reward asks for and the script need not come by.
@@ -110,31 +106,29 @@ def _reach(workshop: Workshop, k: int) -> Found:
     for found, what in zip(easier, ("to grasp", "to join"), strict=True):
         if not found.reached:
             off, angle = 1000 * found.distance, np.degrees(found.angle)
-            yield (
-                True,
+            yield wrong(
                 f"steps[{k}]",
                 f"{what} {step.moving_part} the hand must be where the arm does not reach: it stays {off:.0f} mm and "
                 f"{angle:.0f} degrees off. Move the parts nearer to the robot's middle, or turn them",
             )
 
 
-def _lift(workshop: Workshop, k: int, point: np.ndarray, hand: np.ndarray) -> Found:
+def _lift(workshop: Workshop, k: int, point: np.ndarray, hand: np.ndarray) -> Iterator[Finding]:
     """The hand at the lift point, turned as it grasps at `point`."""
     step, where = workshop.furniture.steps[k], f"steps[{k}].waypoint"
     if step.waypoint[2] < 0:
-        yield False, where, f"the reward asks the hand to lift {step.moving_part} to below where it lay"
+        yield doubtful(where, f"the reward asks the hand to lift {step.moving_part} to below where it lay")
         return
     found = shortfall(workshop.model, point + np.array(step.waypoint), hand)
     if not found.reached:
-        yield (
-            False,
+        yield doubtful(
             where,
             f"to lift {step.moving_part} there the hand must be where the arm does not reach: it stays "
             f"{1000 * found.distance:.0f} mm and {np.degrees(found.angle):.0f} degrees off",
         )
 
 
-def _way_in(workshop: Workshop, k: int) -> Found:
+def _way_in(workshop: Workshop, k: int) -> Iterator[Finding]:
     """Whether the moving parts can be where they are joined, and come there in a straight line."""
     step, names = workshop.furniture.steps[k], workshop.furniture.part_names
     group = workshop.group(k)
@@ -146,12 +140,11 @@ def _way_in(workshop: Workshop, k: int) -> Found:
     for i in group:
         if workshop.lowest(i) < -INSIDE:
             depth = -1000 * workshop.lowest(i)
-            yield True, f"steps[{k}]", f"{names[i]} is {depth:.0f} mm in the floor when the connectors meet"
+            yield wrong(f"steps[{k}]", f"{names[i]} is {depth:.0f} mm in the floor when the connectors meet")
     inside = {(i, j): -workshop.gap(i, j) for i, j in pairs}
     for (i, j), depth in inside.items():
         if depth > INSIDE:
-            yield (
-                True,
+            yield wrong(
                 f"steps[{k}]",
                 f"{names[i]} is {1000 * depth:.1f} mm inside {names[j]} when the connectors meet: leave a gap",
             )
@@ -163,8 +156,7 @@ def _way_in(workshop: Workshop, k: int) -> Found:
         hits = [(i, j) for i, j in pairs if -workshop.gap(i, j) > max(ON_THE_WAY, inside[i, j])]
         if hits:
             i, j = hits[0]
-            yield (
-                True,
+            yield wrong(
                 f"steps[{k}]",
                 f"{names[i]} would go through {names[j]} {1000 * back:.0f} mm before the connectors meet "
                 f"(approach: {step.approach})",
@@ -172,40 +164,36 @@ def _way_in(workshop: Workshop, k: int) -> Found:
             return
 
 
-def _values(workshop: Workshop, k: int) -> Found:
+def _values(workshop: Workshop, k: int) -> Iterator[Finding]:
     step, furniture = workshop.furniture.steps[k], workshop.furniture
     masses = {i: workshop.mass(i) for i in workshop.group(k)}
     moving = furniture.part_index(step.moving_part)
     if sum(masses.values()) > 2.5 * masses[moving] and furniture.contact_impedance is None:
-        yield (
-            False,
+        yield doubtful(
             "contact_impedance",
             f"{step.moving_part} of {1000 * masses[moving]:.0f} g carries {1000 * sum(masses.values()):.0f} g in "
             f"steps[{k}]: MuJoCo's own is too soft for that, see docs/furniture.md",
         )
     if (carried := sum(masses.values())) > MOST_MASS:
-        yield (
-            True,
+        yield wrong(
             f"steps[{k}]",
             f"{step.moving_part} and what is joined to it weigh {carried:.3g} kg, the hand lifts {MOST_MASS:g} kg: "
             f"give the parts a smaller density, or move the other part",
         )
     if step.insertion > 0 and step.clearance < 0.006:
-        yield (
-            False,
+        yield doubtful(
             f"steps[{k}].clearance",
             f"{1000 * step.clearance:.0f} mm of play: the script misses less than 6 mm, a learned skill less than 10",
         )
     moving_connector, target_connector = furniture.connectors_of(k)
     if moving_connector.allowed_angles != target_connector.allowed_angles:
-        yield (
-            False,
+        yield doubtful(
             f"parts.{step.target_part}.connectors.{target_connector.name}.allowed_degrees",
             f"it does not count in steps[{k}]: there those of the moving part's {moving_connector.name} do, "
             f"which are others",
         )
     if not any(step.waypoint):
-        yield False, f"steps[{k}].waypoint", "the reward asks the hand to lift the part by nothing"
+        yield doubtful(f"steps[{k}].waypoint", "the reward asks the hand to lift the part by nothing")
 
 
 def _grasp_in_world(workshop: Workshop, k: int) -> tuple[np.ndarray, np.ndarray]:
@@ -234,18 +222,15 @@ def _matrix(pose: np.ndarray) -> np.ndarray:
     return matrix
 
 
-def _twins(workshop: Workshop, k: int) -> Found:
+def _twins(workshop: Workshop, k: int, wrong_pairs: WrongPairs) -> Iterator[Finding]:
     """Other connectors that meet when the step's own do: whoever asks to connect a little early fails by them."""
-    wrong = WrongPairs(workshop.furniture, torch.device("cpu"))
     poses = torch.from_numpy(workshop.nominal[k + 1]).unsqueeze(0)
     held = torch.zeros(1, poses.shape[1], dtype=torch.bool)
     held[0, workshop.group(k)] = True
-    met = {
-        frozenset(wrong.pairs[i]) for i in wrong.which(poses, held, torch.tensor([k]))[0].nonzero().flatten()
-    }
+    which = wrong_pairs.which(poses, held, torch.tensor([k]))[0].nonzero().flatten()
+    met = {frozenset(wrong_pairs.pairs[i]) for i in which}
     for one, other in sorted(map(sorted, met)):
-        yield (
-            False,
+        yield doubtful(
             f"steps[{k}]",
             f"{one} and {other} meet there, too, and are no step's: to connect by them is a wrong connection, which "
             "fails the episode. Leave one of them out",
