@@ -90,13 +90,14 @@ def test_an_unknown_ablation_is_named():
         variants.read("lamda_3")
 
 
-@pytest.mark.parametrize("failure", [SystemExit("this step failed: bad"), OSError("this step failed: bad")])
+@pytest.mark.parametrize("failure", [SystemExit, OSError, RuntimeError])
 def test_a_step_that_fails_ends_its_lane_alone(monkeypatch, failure):
+    """Whether it is told, the disk's, or the program's."""
     done = []
 
     def run_recipe(step, shared, line):
         if step == ("bad",):
-            raise failure
+            raise failure("this step failed: bad")
         done.append(step[0])
 
     monkeypatch.setattr(side_by_side, "run_recipe", run_recipe)

@@ -86,7 +86,7 @@ QUOTED = [
     "further_training: gaussian_tsr_no_gate - gaussian_bonus_no_gate",
     "further_training: tstar_paper_schedule_no_gate - tstar_no_gate",
     "d_omega: tstar_no_gate - buffer_bonus_no_gate", "exchanged: ends", "exchanged: taking over",
-    "feasibility_costliest - buffer_costliest", "in_order_cloned - in_order_demonstrated",
+    "feasibility_costliest - buffer_costliest", "in_order_demonstrated - in_order_cloned",
 ]  # fmt: skip
 """The arms of each difference with an interval in the notes, in their order; the last two are the README's own.
 Before the arms: the folder and the task, where these are not beyond_tstar and table_lack; `both` are that folder's arms

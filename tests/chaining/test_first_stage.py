@@ -5,7 +5,8 @@ import pytest
 import torch
 
 from tstar_rl.chaining.skill import Skill
-from tstar_rl.chaining.training import Training
+from tstar_rl.chaining.training import SkillTraining, Training
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.runs import checkpoint
 from tstar_rl.updates import PolicyUpdate
 
@@ -101,3 +102,11 @@ def test_a_clone_is_fitted_with_the_floor_that_is_asked_for(point_chain, tmp_pat
     point_chain("bc", "bc.epochs=1", "normalizer.floor=0.5")
     skill = Skill.load(tmp_path / "runs/table_lack/bc/seed0/last")
     assert skill.normalizer.floor_found() == pytest.approx(0.5)
+
+
+def test_an_update_is_made_once(point_chain, monkeypatch):
+    """A run that is resumed would load the second one's state into the first."""
+    make = SkillTraining.policy_update
+    monkeypatch.setattr(SkillTraining, "policy_update", lambda training: [make(training), make(training)][1])
+    with pytest.raises(InvalidValueError, match="has an update_policy already"):
+        point_chain("gail_ppo", "training.total_steps=512", "system=twice")

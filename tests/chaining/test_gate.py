@@ -67,6 +67,11 @@ def test_a_turn_that_lost_more_than_the_margin_is_put_back(trained, kept):
     assert judgement.row(1) == pytest.approx(success | progress)
 
 
+def test_a_turn_that_changes_nothing_is_kept():
+    chain = Chain(0.9)
+    assert chain.turn(Gate(GateSettings(True, 0.0, 1), chain.run_trial), 0, 0.9).accepted
+
+
 def test_a_trial_that_is_known_is_not_run_again_and_steps_are_counted_once():
     chain = Chain(0.7)
     gate = Gate(GateSettings(True, 0.0, 1), chain.run_trial)

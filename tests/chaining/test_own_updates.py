@@ -142,6 +142,10 @@ LABELS = {"initiation": 1.0, "termination": 0.0}
             ),
             "update_further goes on with labels {'initiation': 1.0, 'termination': 0.0}, got {'termination'",
         ),
+        (
+            lambda turn: turn.discriminator_update("further", turn.skill, DiscriminatorSettings(), **LABELS),
+            "a turn has one update of further, and it is of another skill than 1",
+        ),
     ],
 )
 def test_an_update_that_goes_on_is_not_handed_out_for_another(point_chain, monkeypatch, again, message):

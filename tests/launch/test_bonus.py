@@ -23,6 +23,14 @@ def test_the_mean_bonus_is_over_successes(tmp_path):
     assert mean_bonus(tmp_path / "metrics.csv") == 0.0
 
 
+@pytest.mark.parametrize(("paid", "bonus"), [(-0.2, 0.0), (1.2, 1.0)])
+def test_a_mean_bonus_is_one_that_an_arm_can_pay(paid, bonus, tmp_path):
+    """d_omega less its running mean may be below 0 on average."""
+    table = {"episodes": [4], "success_rate": [0.5], "tsr_on_success": [paid]}
+    pd.DataFrame(table).to_csv(tmp_path / "metrics.csv")
+    assert mean_bonus(tmp_path / "metrics.csv") == bonus
+
+
 def test_a_bonus_of_an_arm_with_a_term_of_its_own_is_refused(tmp_path):
     file = tmp_path / "metrics.csv"
     pd.DataFrame({"reward_env": [1.0], "reward_gail": [0.5], "reward": [1.0]}).to_csv(file)

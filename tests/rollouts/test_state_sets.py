@@ -26,11 +26,11 @@ def rollout(make_env, policy):
 
 
 def termination_set(positions: torch.Tensor) -> TerminationSet:
-    """Of two numbers a state; the first is the position."""
+    """Of two numbers a state, the first the position; the n-th was reached after n steps."""
     n = len(positions)
     physics = torch.zeros(n, 4, dtype=torch.float64)
     physics[:, :2] = positions
-    task = TensorDict({"steps": torch.zeros(n, dtype=torch.int64)}, [n])
+    task = TensorDict({"steps": torch.arange(n)}, [n])
     snapshot = TensorDict(
         {"physics": physics, "welds": torch.zeros(n, 2, 11, dtype=torch.float64), "task": task}, [n]
     )
@@ -164,6 +164,12 @@ def test_gaussian_has_the_sets_moments(make_env):
     torch.testing.assert_close(drawn.T.cov(), covariance, atol=0.004, rtol=0)
     assert gaussian.counts == {"drawn": 4000, "refused": 0, "given_up": 0}
     assert_close(gaussian.sample(3, seeded(2)), gaussian.sample(3, seeded(2)))
+
+
+def test_what_is_no_position_comes_from_any_member_of_the_set(make_env):
+    states = termination_set(torch.randn(9, 2, generator=seeded(), dtype=torch.float64) * 0.1)
+    drawn = TerminalGaussian(make_env(), states).sample(50, seeded())
+    assert len(drawn["task", "steps"].unique()) > 3
 
 
 def test_refused_draws_are_drawn_again_and_counted(make_env):

@@ -1,5 +1,6 @@
 """A run that is called again: what goes on, what begins anew, and what is refused."""
 
+import json
 import shutil
 
 import pytest
@@ -218,3 +219,16 @@ def test_a_run_notes_what_it_is_told_when_it_begins_anew(tmp_path):
         run.save_if_due(0)
         run.finish()
         assert read_config(run.results)["skills_took"] == {"env_steps": 1 if resume else 3}
+
+
+def test_minutes_are_of_all_calls(tmp_path):
+    run = a_run(tmp_path, training={"total_steps": 20})
+    run.start()
+    run.seconds = 120.0
+    run.log(10)
+    run.save_if_due(0)
+    again = a_run(tmp_path, training={"total_steps": 20})
+    again.start()
+    again.log(20)
+    again.finish()
+    assert 2.0 <= json.loads((again.work / "finished.json").read_text())["minutes"] < 3.0

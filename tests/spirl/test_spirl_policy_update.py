@@ -155,6 +155,16 @@ class TestLatentPolicyUpdate:
         assert_close(targets, critics, rtol=0, atol=0)
         assert not (targets == before).all()
 
+    def test_its_settings_reach_the_loss_and_the_targets(self):
+        agent, update = self.make(gamma=0.3, tau=0.25, critic_loss="l2", critic_warmup=50)
+        assert float(update.loss.value_estimator.gamma) == pytest.approx(0.3)
+        assert update.loss.loss_function == "l2"
+        before, alpha = update.loss.target_qvalue_network_params.clone(), update.loss.log_alpha.clone()
+        update(transitions(agent), 1)
+        now = update.loss.qvalue_network_params.data
+        assert_close(update.loss.target_qvalue_network_params, before * 0.75 + now * 0.25)
+        assert torch.equal(update.loss.log_alpha, alpha)  # it waits for the critics as the actor does
+
     def test_gradients_are_limited(self):
         """Adam divides by their size, but for its epsilon: only gradients far below that move nothing."""
         agent, update = self.make(max_grad_norm=1e-12)

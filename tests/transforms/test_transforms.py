@@ -87,6 +87,13 @@ def test_running_mean_is_subtracted_and_saved():
         assert_close(each(second.clone())["next", "reward_tsr"], torch.tensor([[0.2], [0.0]]))
 
 
+def test_a_later_batch_of_successes_moves_the_mean_by_the_weight_of_all_of_them():
+    transform = TerminalStateReward(Slot(), baseline="running_mean", momentum=0.5)
+    transform(steps([0.0, 0.0], [0.4, 0.9], success=(True, False)))  # the first sets the mean to .4
+    paid = transform(steps([0.0, 0.0], [0.6, 1.0], success=(True, True)))  # .4 + (1 - .5 ** 2) (.8 - .4) = .7
+    assert_close(paid["next", "reward_tsr"], torch.tensor([[-0.1], [0.3]]))
+
+
 def test_a_simulation_that_takes_no_step_is_paid_nothing_again(make_env):
     """It still stands where it succeeded; TorchRL's "_step" says that the others go on."""
     transform = TerminalStateReward(Slot(), baseline="running_mean", momentum=1.0)

@@ -139,3 +139,16 @@ def test_bfloat16_is_coarser_and_keeps_parameters_in_float32():
     assert all(math.isfinite(value) for value in log.values())
     assert {value.dtype for value in network.parameters()} == {torch.float32}
     assert not torch.equal(network(rows), coarse)
+
+
+@pytest.mark.parametrize("penalty", ["zero_at_first", "one_between"])
+def test_the_penalty_is_descended(penalty):
+    gradients = []
+    for weight in (1e-6, 10.0):
+        torch.manual_seed(0)
+        network, a, b = make_discriminator(72, hidden=(8,)), torch.randn(20, 72), torch.randn(30, 72)
+        settings = DiscriminatorSettings(steps=1, minibatch=50, penalty=penalty, gradient_penalty=weight)
+        DiscriminatorUpdate("f", network, {"a": 1.0, "b": 0.0}, settings)(a=a, b=b)
+        found = [each.grad.flatten() for each in network.parameters() if each.grad is not None]
+        gradients.append(torch.cat(found))
+    assert not torch.allclose(*gradients, rtol=1e-2)

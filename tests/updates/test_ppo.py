@@ -68,6 +68,17 @@ def test_kl_stop_holds_the_actor_and_not_the_critic(make_env):
     assert log["actor_steps"] < log["critic_steps"] == 10 * 16 * 16 // 64
 
 
+def test_the_actor_stays_held_for_the_rest_of_an_update(make_env, monkeypatch):
+    """Also where a later minibatch has a small KL again."""
+    kls = iter([0.0, 1.0, 0.0, 0.0])
+    monkeypatch.setattr("tstar_rl.updates.ppo.estimated_kl", lambda *_: torch.tensor(next(kls)))
+    skill = small_skill()
+    settings = PPOSettings(kl_stop=0.1, minibatch=64, epochs=1)
+    update = PolicyUpdate(skill.policy, skill.value, settings, skill.return_scale)
+    log = update(RewardMixture({"env": 1.0})(rollouts(make_env, skill).rollout()))
+    assert (log["actor_steps"], log["critic_steps"]) == (1, 4)
+
+
 def test_an_update_is_made_of_nearly_equal_minibatches(make_env, monkeypatch):
     skill = small_skill()
     update = PolicyUpdate(skill.policy, skill.value, PPOSettings(minibatch=100, epochs=1), skill.return_scale)

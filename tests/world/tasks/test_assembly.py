@@ -225,3 +225,11 @@ def test_a_disturbed_target_ends_the_episode_where_asked():
         part_pose(world, "table_top")[:, 0] += 0.11
         world.step(idle(world))
         assert world.state["disturbed"].all() and world.task.get_termination(world.state)[0].item() is end
+
+
+def test_an_episode_that_terminates_at_the_time_limit_is_not_truncated_too():
+    world = make(1, max_steps=1, end_on_disturbance=True)
+    part_pose(world, "table_top")[:, 0] += 0.11
+    world.step(idle(world))
+    terminated, truncated = world.task.get_termination(world.state)
+    assert terminated.all() and not truncated.any()
