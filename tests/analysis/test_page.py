@@ -17,7 +17,8 @@ from tstar_rl.analysis.page import curve_groups, replace_block, results_head, re
 from tstar_rl.analysis.page.contents import read_contents
 from tstar_rl.analysis.page.experiment import answers
 from tstar_rl.analysis.page.markdown import arm_label, arm_order, over_seeds
-from tstar_rl.analysis.page.sections import comparison, skills
+from tstar_rl.analysis.page.sections import comparison
+from tstar_rl.analysis.page.skills import skills
 
 ROOT = Path(__file__).resolve().parents[2]
 PUBLISHED = ROOT / "results" / "published"
