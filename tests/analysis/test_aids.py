@@ -7,7 +7,7 @@ import pytest
 from published_runs import COMMIT, THEIRS, contents
 
 from tstar_rl.analysis.aids import Aids, skills_of_arms, worth_of_aids
-from tstar_rl.analysis.page import results_page
+from tstar_rl.analysis.page import draw_page, results_page
 from tstar_rl.analysis.page.contents import read_contents
 
 RULE = Aids(all_aids="all_aids", succeeds=0.5, fails=0.1, seeds=3)
@@ -90,6 +90,13 @@ def trained(tmp_path):
             row |= {"success_low": success - 0.02, "success_high": success + 0.08}
             rows = [row, {**row, "mode": "stochastic", "success": success + 0.1}]
             pd.DataFrame(rows).to_csv(folder / "evaluation.csv", index=False)
+            log = {
+                "env_steps": [10, 20],
+                "success_rate": [0.0, success],
+                "phase": [1, 4],
+                "episode_length": 9,
+            }
+            pd.DataFrame(log).to_csv(folder / "metrics.csv", index=False)
             (folder / "config.yaml").write_text(f"versions: {{commit: {COMMIT}}}\n")
     (tmp_path / "aids" / "README.md").write_text("# Aids\n\nOne is taken away.\n")
     rule = {"all_aids": "all_aids", "succeeds": 0.5, "fails": 0.1, "seeds": 3}
@@ -109,6 +116,12 @@ def test_the_page_says_what_each_aid_is_worth(trained):
     # Differences -.9, -.75 and -.7: 4.303 * .10408 / sqrt 3.
     assert "| 0.117 +- 0.029 | -0.783 [-1.04, -0.52] | **needed** |" in page
     assert page.index("| 3 | with all |") < page.index("| 3 | alone |")
+
+
+def test_the_curves_of_each_arm_are_drawn(trained, tmp_path_factory):
+    found = draw_page(trained, THEIRS, tmp_path_factory.mktemp("figures"))
+    assert [path.name for path in found] == ["aids_table_skills.png"]
+    assert "figures/aids_table_skills.png" in results_page(trained, THEIRS, "")
 
 
 def test_a_rule_with_an_unknown_field_is_refused(trained):
