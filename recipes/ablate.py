@@ -23,11 +23,12 @@ from tstar_rl.analysis import (
 from tstar_rl.analysis.variants import FOLDER, SKILLS, Variant, names, read
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.load import recipe
+from tstar_rl.config.overrides import known_to
 from tstar_rl.config.ranges import chain_length
 from tstar_rl.config.values import plain
 from tstar_rl.launch.backends import launcher
 from tstar_rl.launch.bonus import BONUS, mean_bonus, with_some_bonus
-from tstar_rl.launch.overrides import chosen_scale, known_to, passed_on
+from tstar_rl.launch.overrides import chosen_scale, passed_on
 from tstar_rl.launch.side_by_side import Step, run_side_by_side
 from tstar_rl.launch.steps import check_step, is_done, missing, step_config
 from tstar_rl.runs.files import replacing

@@ -99,10 +99,12 @@ def main(config: DictConfig) -> None:
 
 def _forget_older(table: Path, config: DictConfig) -> None:
     """Deletes a table of an earlier training, whose rows would stand beside the new ones."""
-    of_a_run = config.pretrained is None and table.parent == run_folder(config, "results_dir")
-    if of_a_run and table.is_file() and of_an_earlier_training(table, config):
-        print(f"{table} was of an earlier training: its rows are dropped")
-        table.unlink()
+    if config.pretrained is not None or table.parent != run_folder(config, "results_dir"):
+        return
+    with turn_to_write(table.parent):  # another evaluation of this run may do the same
+        if table.is_file() and of_an_earlier_training(table, config):
+            print(f"{table} was of an earlier training: its rows are dropped")
+            table.unlink()
 
 
 def _step(recorder: Recorder, bar: tqdm, tensordict: TensorDictBase) -> None:

@@ -16,8 +16,8 @@ from omegaconf import DictConfig, OmegaConf
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.build import environment
 from tstar_rl.config.load import recipe
+from tstar_rl.config.overrides import section_of
 from tstar_rl.config.values import CONFIGS, task_section
-from tstar_rl.launch.overrides import section_of
 from tstar_rl.rollouts.episodes import evaluate
 from tstar_rl.runs.csv_tables import append_rows
 from tstar_rl.seeds import evaluation_seed

@@ -27,6 +27,7 @@ from tstar_rl.intervals import share_columns
 from tstar_rl.launch.evaluations import check_chain
 from tstar_rl.launch.run_folders import begun_with, check_skills_stay, run_folder
 from tstar_rl.runs.csv_tables import append_rows
+from tstar_rl.runs.run_folder import is_untrained
 from tstar_rl.seams.exchange import exchange_skills
 from tstar_rl.seeds import evaluation_seed
 
@@ -38,6 +39,11 @@ def main(config: DictConfig) -> None:
         raise InvalidValueError(
             f"from_checkpoint is of the skills that a chain began with, and against={config.against} exchanges with "
             f"another chain; got {config.from_checkpoint}"
+        )
+    if config.system == config.against or (config.against is None and is_untrained(config.system)):
+        raise InvalidValueError(
+            f"the skills of {config.system} would be exchanged for themselves: give system=<a fine-tuned chain>, or "
+            "against=<another chain>"
         )
     check_chain(config, config.system)
     after = chain_of(config, config.system)

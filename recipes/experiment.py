@@ -25,6 +25,7 @@ from omegaconf import DictConfig
 
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.load import recipe
+from tstar_rl.config.overrides import section_of
 from tstar_rl.config.values import CONFIGS, plain
 from tstar_rl.experiments.declared import DeclaredExperiment
 from tstar_rl.experiments.published import publish
@@ -32,7 +33,7 @@ from tstar_rl.experiments.values import parse_experiment
 from tstar_rl.launch.backends import check_local
 from tstar_rl.launch.bonus import bonus_source, with_bonus, with_some_bonus, without_bonus
 from tstar_rl.launch.code_of_commit import code_of_commit, configs_of
-from tstar_rl.launch.overrides import passed_on, section_of
+from tstar_rl.launch.overrides import passed_on
 from tstar_rl.launch.side_by_side import Step, run_side_by_side
 from tstar_rl.launch.steps import check_step, is_done, left_behind, step_config
 from tstar_rl.launch.time_limit import MORE, TimeIsOver, check_goes_on, deadline, run_until
@@ -196,6 +197,8 @@ def _lanes(config: DictConfig, declared: DeclaredExperiment, published: Path) ->
         there = replace(declared, demonstrations_dir=place.demonstrations_dir)
         steps = there.steps_by_commit(place.task.subtasks, seed, arms)
         lanes.append([(commit, (step[0], *shared, *step[1:])) for commit, step in steps])
+    if not config.unpublished and not any(lanes):
+        raise InvalidValueError(f"none of these seeds has an arm of arms=[{', '.join(config.arms)}]")
     return lanes
 
 

@@ -18,7 +18,7 @@ import tstar_rl as rl
 def main(config: DictConfig) -> None:
     """Raises the floor of every skill and saves the chain; logs how many inputs stood below it."""
     skills = rl.load_skills(config, checkpoint=config.from_checkpoint)
-    run = rl.Run(rl.plain(config))
+    run = rl.chain_run(config, len(skills))
     run.start()
     for index, skill in enumerate(skills):
         run.log(0, skill=index, raised_inputs=skill.normalizer.raise_to(config.floor))

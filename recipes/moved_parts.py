@@ -3,8 +3,9 @@
     python recipes/moved_parts.py task=toy_table seed=0
 
 `part` is what the skill moves, `target` what it is joined to. Fresh deterministic episodes of one checkpoint; nothing
-is trained. The table is moved_parts.csv, beside the run's evaluation (columns: tstar_rl/seams/moved_parts.py). What is
-printed counts a part as moved if it lies from_metres, or is turned from_degrees, from where the episode put it.
+is trained. The table is moved_parts.csv, beside the run's evaluation (columns: tstar_rl/seams/moved_parts.py, and
+checkpoint, whose earlier rows are replaced). What is printed counts a part as moved if it lies from_metres, or is
+turned from_degrees, from where the episode put it.
 """
 
 from omegaconf import DictConfig
@@ -18,7 +19,7 @@ from tstar_rl.env.task_tables import joined_parts
 from tstar_rl.launch.evaluations import check_chain
 from tstar_rl.launch.run_folders import run_folder
 from tstar_rl.rollouts.episodes import run_episodes
-from tstar_rl.runs.csv_tables import write_table
+from tstar_rl.runs.csv_tables import append_rows
 from tstar_rl.seams.moved_parts import MovedParts, success_by_moved
 from tstar_rl.seeds import evaluation_seed
 
@@ -33,8 +34,9 @@ def main(config: DictConfig) -> None:
     with set_exploration_type(ExplorationType.DETERMINISTIC):
         run_episodes(env, ChainPolicy(skills).to(config.device), watch, enough=len(skills))
     env.close()
-    table, path = watch.table(), run_folder(config, "results_dir") / "moved_parts.csv"
-    write_table(path, table)
+    path = run_folder(config, "results_dir") / "moved_parts.csv"
+    table = watch.table().assign(checkpoint=config.checkpoint)
+    append_rows(path, table.to_dict("records"), ("checkpoint",))
     print(success_by_moved(table, config.from_metres, config.from_degrees).round(3).to_string())
     print(path)
 

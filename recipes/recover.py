@@ -30,7 +30,7 @@ def main(config: DictConfig) -> None:
         raise rl.InvalidValueError(
             "F learns from a run of the chain: chain.seed_episodes must be at least 1, got 0"
         )
-    run = rl.Run(rl.plain(config))
+    run = rl.chain_run(config, len(skills))
     run.start()
     heard = fresh = None
     if recovery.uses_f:

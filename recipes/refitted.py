@@ -24,7 +24,7 @@ def main(config: DictConfig) -> None:
         )
     skills, chain = rl.load_skills(config, checkpoint=config.from_checkpoint), config.chain
     env = rl.trial_env(config, chain.trial_episodes, "harvest")
-    run = rl.Run(rl.plain(config))
+    run = rl.chain_run(config, len(skills))
     run.start()
     trial = rl.run_trial(skills, env, chain.path_steps)
     for index, (skill, found) in enumerate(zip(skills, trial.skills, strict=True)):

@@ -15,10 +15,11 @@ import torch
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.build import environment
 from tstar_rl.config.load import recipe
+from tstar_rl.config.overrides import section_of
 from tstar_rl.config.pretrained import chain_env
-from tstar_rl.launch.overrides import section_of
 from tstar_rl.rollouts.watching import StepSignal, d_omega_signal, log_episodes, rows_to_show
 from tstar_rl.seeds import evaluation_seed
 from tstar_rl.shipped.catalogue import load_pretrained, pretrained
@@ -64,6 +65,11 @@ def both_sides(config: DictConfig, given: Sequence[str]) -> list[Shown]:
             Shown(disturbed, lambda env: env.expert(config.noise, generator), False),
             Shown("scripted assembler", lambda env: env.expert(), True),
         ]
+    if any(section_of(value) == "scale" for value in given):
+        raise InvalidValueError(
+            "trained chains bring their own world, which a scale would be mixed with: leave scale=... out, or set "
+            "variants=null"
+        )
     chains = [load_pretrained(config.task.name, name).to(config.device) for name in config.variants]
     judges = next((chain.d_omega for chain in reversed(chains) if len(chain.d_omega)), None)
     signals = {"d_omega": d_omega_signal(judges)} if judges else {}

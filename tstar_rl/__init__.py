@@ -24,7 +24,7 @@ if TYPE_CHECKING:
         new_spirl_agent,
         skill_training,
     )
-    from tstar_rl.config.chain import chain_turns, load_skills, trial_env
+    from tstar_rl.config.chain import chain_run, chain_turns, load_skills, trial_env
     from tstar_rl.config.compose import compose
     from tstar_rl.config.load import recipe
     from tstar_rl.config.schema import Section
@@ -90,6 +90,7 @@ HOMES = {
     "TerminationSet": "rollouts.state_sets",
     "behaviour_cloning": "updates",
     "calibration_rows": "runs.chain_rows",
+    "chain_run": "config.chain",
     "chain_turns": "config.chain",
     "compose": "config.compose",
     "derive_seed": "seeds",
@@ -152,6 +153,7 @@ __all__ = [
     "__version__",
     "behaviour_cloning",
     "calibration_rows",
+    "chain_run",
     "chain_turns",
     "compose",
     "derive_seed",

@@ -9,10 +9,10 @@ from hydra.errors import MissingConfigException
 
 from tstar_rl.analysis import ablation_figure, ablation_finding, ablation_table, load_ablation, variants
 from tstar_rl.analysis.variants import SKILLS
+from tstar_rl.config.overrides import key_of, known_to, section_of
 from tstar_rl.config.ranges import chain_length
 from tstar_rl.config.values import CONFIGS, plain
 from tstar_rl.launch import side_by_side
-from tstar_rl.launch.overrides import known_to
 from tstar_rl.rollouts.starts import check_shares
 
 VARIANTS = [variant for name in variants.names() for variant in variants.read(name).variants]
@@ -24,7 +24,12 @@ def test_every_variant_is_a_config_of_training_and_of_evaluation(variant):
     values = ["scale=ablation", f"system={variant.place}", f"skills={SKILLS}", *variant.overrides]
     with initialize_config_dir(str(CONFIGS), version_base="1.3"):
         own = known_to(plain(compose("recipe/evaluate")), variant.overrides)
-        assert 2 <= chain_length(compose("recipe/evaluate", [*values[:3], *own])) <= 4
+        evaluated = compose("recipe/evaluate", [*values[:3], *own])
+        assert 2 <= chain_length(evaluated) <= 4
+        of_the_world = {key_of(each).removeprefix("env.") for each in own if section_of(each) == "env"}
+        assert of_the_world <= set(evaluated.demonstrations.may_differ), (
+            "skills would be refused in that world"
+        )
         if variant.trains:
             config = compose(f"recipe/{variant.system}", values)
             check_shares(config.chain.starts)

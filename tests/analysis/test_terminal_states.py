@@ -60,7 +60,8 @@ def test_spread_in_each_third_by_hand(tmp_path):
 def test_systems_without_a_log_are_named(tmp_path):
     write(tmp_path, "tstar", [(0, 0.0)])
     with pytest.raises(
-        MissingFileError, match="no terminal_states.csv of none, other below .*table: train them first"
+        MissingFileError,
+        match="no terminal_states.csv of none, other below .*table: .* a chain.logged_skill that the chain has",
     ):
         read_terminal_states(tmp_path, "table", ["none", "tstar", "other"])
 

@@ -1,5 +1,7 @@
 """The wiring of the chaining recipes, on a chain that trains in seconds."""
 
+import json
+
 import pytest
 import torch
 from tensordict import TensorDict
@@ -8,7 +10,7 @@ from tstar_rl.chaining.chain import load_chain
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.chaining.turns import Turn
 from tstar_rl.runs.mismatch import CheckpointMismatchError
-from tstar_rl.runs.run_config import write_config
+from tstar_rl.runs.run_config import read_config, write_config
 
 NUM_SKILLS = 4
 SHORT = ("chain.gate=false", "chain.steps_per_turn=512", "chain.trial_every=100")
@@ -142,6 +144,16 @@ def test_skills_of_another_size_or_world_are_refused(point_chain, tmp_path, reci
         point_chain(recipe, "scale=laptop")
     if recipe == "floored":
         point_chain(recipe, "scale=laptop", "demonstrations.may_differ=[preassembled,reset_robot]")
+
+
+@pytest.mark.parametrize("recipe", ["tstar", "floored", "refitted", "recover"])
+def test_a_chain_notes_what_its_skills_took(point_chain, tmp_path, recipe):
+    for index in range(NUM_SKILLS):
+        ended = tmp_path / f"runs/table_lack/gail_ppo/seed0/subtask{index}/finished.json"
+        ended.write_text(json.dumps({"env_steps": 10, "minutes": 0.5}))
+    point_chain(recipe, "scale=laptop", "chain.gate=false", "chain.rounds=1")
+    noted = read_config(tmp_path / f"results/table_lack/{recipe}/seed0")["skills_took"]
+    assert noted == {"env_steps": 10 * NUM_SKILLS, "minutes": 0.5 * NUM_SKILLS}
 
 
 def test_a_chain_is_refitted_to_its_own_states(point_chain, tmp_path):

@@ -20,6 +20,8 @@ CONFIG = {"task": {"name": "table_lack", "subtasks": 4}, "subtask": None}
     [
         ({"formats": []}, "formats must name at least one, got none: there would be nothing to do"),
         ({"modes": ["deterministic", "x"]}, "mode must be one of deterministic, stochastic; got 'x'"),
+        ({"modes": ["stochastic"] * 2}, "modes must name each once, got stochastic, stochastic"),
+        ({"checkpoints": ["last", "last"]}, "checkpoints must name each once, got last, last"),
         ({"mode": "x"}, "mode must be one of deterministic, stochastic; got 'x'"),
         ({"kinds": ["plain", "x"]}, "kind must be one of plain, noisy; got 'x'"),
         (

@@ -60,6 +60,24 @@ from tstar_rl.experiments.values import parse_experiment
             {"arms": [{"name": "a", "recipe": "tstar", "seeds": [7, 20]}]},
             "a has seeds 20, which no task has; there are 7",
         ),
+        (
+            {
+                "arms": [
+                    {"name": "no_finetuning", "recipe": "no_finetuning"},
+                    {"name": "a", "recipe": "policy_sequencing", "bonus_of": "no_finetuning"},
+                ]
+            },
+            "a has the bonus of no_finetuning, which trains no chain and pays none",
+        ),
+        (
+            {
+                "arms": [
+                    {"name": "whole", "recipe": "ppo", "whole": True},
+                    {"name": "a", "recipe": "policy_sequencing", "bonus_of": "whole"},
+                ]
+            },
+            "a has the bonus of whole, which trains no chain and pays none",
+        ),
         ({"demonstrations_dir": "elsewhere"}, "experiment.demonstrations_dir is no value of the file"),
         ({"arms": [{"name": "a", "recipe": "tstar"}] * 2}, "two arms of one name: a, a"),
         (

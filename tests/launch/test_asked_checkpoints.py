@@ -152,6 +152,14 @@ def test_a_chain_took_what_its_skills_had_taken_when_it_began_with_them(made):
     check_skills_stay(config, results, 2)
 
 
+def test_a_chain_in_no_runs_folder_is_not_charged_with_the_skills_of_a_seed(made):
+    (made / "runs/table_lack/tstar/seed1").rename(made / "mine")
+    config, results, found = places("path=mine/last", "seed=0")
+    assert all(map(math.isnan, spent_on(config, results, found["last"]).values()))
+    write_config(results, {"skills_took": {"env_steps": 7, "minutes": 0.5}})
+    assert spent_on(config, results, found["last"]) == {"env_steps": 1007, "minutes": 100.5}
+
+
 @pytest.mark.parametrize("system", ["tstar", "no_finetuning", "gail_ppo"])
 def test_a_copy_of_an_evaluation_whose_times_are_other_ones_is_of_the_training_beside_it(made, system):
     subtask = ["subtask=1"] if system == "gail_ppo" else []

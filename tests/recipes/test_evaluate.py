@@ -3,12 +3,14 @@
 import json
 import os
 from pathlib import Path
+from threading import Thread
 
 import pandas as pd
 import pytest
 import torch
 import yaml
 from hydra import compose, initialize_config_dir
+from omegaconf import OmegaConf
 from recipe_runs import load_recipe
 
 from tstar_envs import rendering
@@ -16,6 +18,7 @@ from tstar_rl.chaining.chain import ChainPolicy, save_chain
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.config.values import CONFIGS
 from tstar_rl.models.network_settings import NetworkSettings
+from tstar_rl.runs.files import turn_to_write
 
 
 @pytest.fixture(scope="module")
@@ -113,3 +116,22 @@ def test_rows_of_an_earlier_training_do_not_stand_beside_new_ones(recipe, call, 
     os.utime(ended, (later := table.stat().st_mtime + 10, later))
     call("evaluate", *values, "modes=[stochastic]", module=recipe)
     assert pd.read_csv(table)["mode"].tolist() == ["stochastic"]
+
+
+def test_an_older_table_is_looked_at_and_dropped_in_one_step(recipe, monkeypatch, tmp_path):
+    """Another evaluation may have written its own in the meantime: that one stays."""
+    config = OmegaConf.create({"pretrained": None})
+    table, looked = tmp_path / "evaluation.csv", []
+    table.write_text("old")
+    monkeypatch.setattr(recipe, "run_folder", lambda *_: tmp_path)
+    monkeypatch.setattr(
+        recipe, "of_an_earlier_training", lambda *_: looked.append(table.read_text()) or looked == ["old"]
+    )
+    other = Thread(target=recipe._forget_older, args=(table, config))
+    with turn_to_write(tmp_path):
+        other.start()
+        other.join(0.3)
+        assert other.is_alive() and not looked
+        table.write_text("new")
+    other.join()
+    assert looked == ["new"] and table.read_text() == "new"

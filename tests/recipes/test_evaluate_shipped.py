@@ -32,6 +32,11 @@ def test_a_shipped_chain_brings_its_task_seed_settings_and_episodes(recipe, call
     assert (
         list(found) == [record["checkpoint"]] and found["last"].links == 4 and found["last"].subtask is None
     )
+    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
+        few = ["pretrained=table_lack", "evaluation={episodes: 3, whole_episodes: 20}"]
+        config = compose("recipe/evaluate", few)
+    recipe._candidates(config, few)
+    assert config.evaluation.whole_episodes == 20
     values = [
         "modes=[deterministic]",
         "evaluation.whole_episodes=2",

@@ -237,3 +237,9 @@ def test_steps_that_differ_in_their_seed_are_looked_at_once(queue, monkeypatch):
     ]
     experiment._check(lanes, {})
     assert sorted(step[0] for step in looked) == ["gail_ppo", "ppo"]
+
+
+def test_arms_that_no_seed_has_are_told(queue):
+    """gaussian_tsr has seeds 100 to 104 there."""
+    with pytest.raises(SystemExit, match=r"none of these seeds has an arm of arms=\[gaussian_tsr\]"):
+        queue("experiment=no_return", "tasks=[table_lack]", "seeds=[105]", "arms=[gaussian_tsr]")

@@ -94,3 +94,12 @@ def test_the_recipe_writes_a_row_for_each_hand_over(point_chain, tmp_path, capsy
     assert int(first.succeeded.sum()) == int((table.skill == 2).sum())
     said = capsys.readouterr().out
     assert "moved_parts.csv" in said and re.search(r"^1 +not moved +32 +", said, re.MULTILINE)
+
+
+def test_each_checkpoint_has_its_rows_and_new_ones_replace_them(point_chain, tmp_path):
+    point_chain("policy_sequencing")
+    for checkpoint, episodes in (("last", 8), ("best", 16), ("last", 4)):
+        number = f"evaluation.whole_episodes={episodes}"
+        measure(tmp_path, "system=policy_sequencing", number, f"checkpoint={checkpoint}")
+    table = pd.read_csv(tmp_path / "results/table_lack/policy_sequencing/seed0/moved_parts.csv")
+    assert table[table.skill == 1].groupby("checkpoint").size().to_dict() == {"best": 16, "last": 4}

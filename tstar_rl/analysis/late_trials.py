@@ -10,7 +10,7 @@ __all__ = ["late_trials"]
 
 
 def late_trials(metrics: pd.DataFrame, task: str, earlier: int) -> pd.DataFrame:
-    """A line for each arm with more than `earlier` rounds. Of a round only the trial after its last turn counts.
+    """A line for each arm with more than `earlier` rounds. Of a round only its last trial counts.
 
     A round after which not every seed has a trial does not count; an arm has no line where round `earlier` is one.
 

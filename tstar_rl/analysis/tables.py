@@ -36,14 +36,15 @@ __all__ = [
 
 
 def read_metrics(root: str | Path = "results") -> pd.DataFrame:
-    """Every metrics.csv below `root`, with columns task, recipe, seed, subtask added; recipes as `read_evaluations`."""
+    """The metrics.csv of every run below `root`, with columns task, recipe, seed, subtask; see `read_evaluations`."""
     return _read(root, "metrics.csv")
 
 
 def read_evaluations(root: str | Path = "results") -> pd.DataFrame:
-    """Every evaluation.csv below `root`, with columns task, recipe, seed, subtask and commit added.
+    """The evaluation.csv of every run below `root`, with columns task, recipe, seed, subtask and commit added.
 
-    Skills that an arm has for itself lie below it; their recipe is <arm>/<recipe>.
+    Skills that an arm has for itself lie below it; their recipe is <arm>/<recipe>. Chains of a system with a slash in
+    its name (`pretrained/tstar`) are left out.
 
     Raises:
         InvalidValueError: if a table has rows of another seed than its folder's.

@@ -39,7 +39,7 @@ def read_terminal_states(root: str | Path, task: str, systems: Iterable[str]) ->
     if without := [system for system, found in files.items() if not found]:
         raise MissingFileError(
             f"no terminal_states.csv of {', '.join(without)} below {root}: train them first (recipes/<system>.py), "
-            "with chain.logged_states above 0"
+            "with chain.logged_states above 0 and a chain.logged_skill that the chain has (2, the third, by default)"
         )
     for system, found in files.items():
         for file in found:

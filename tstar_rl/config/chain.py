@@ -31,7 +31,7 @@ from tstar_rl.runs.run import Run
 from tstar_rl.runs.run_folder import SKILLS_TOOK, run_path, spent_by_skills
 from tstar_rl.seeds import derive_seed
 
-__all__ = ["chain_turns", "check_links", "load_skills", "skills_as_they_are", "trial_env"]
+__all__ = ["chain_run", "chain_turns", "check_links", "load_skills", "skills_as_they_are", "trial_env"]
 
 
 def chain_turns(config: DictConfig, experts: Sequence[Demonstrations] | None = None) -> Iterator[Turn]:
@@ -64,9 +64,7 @@ def chain_turns(config: DictConfig, experts: Sequence[Demonstrations] | None = N
         )
     values = config.chain
     rollouts, frames = turn_shape(config)
-    took = spent_by_skills(config.runs_dir, config.task.name, config.skills, config.seed, len(skills))
-    steps = values.rounds * len(skills) * rollouts * frames
-    run = Run(plain(config), None, steps, trials=True, notes={SKILLS_TOOK: took})
+    run = chain_run(config, len(skills), values.rounds * len(skills) * rollouts * frames, trials=True)
     workshop = _Workshop(config)
     chain = ChainTraining(
         skills=skills,
@@ -83,6 +81,18 @@ def chain_turns(config: DictConfig, experts: Sequence[Demonstrations] | None = N
         ),
     )
     return turns.chain_turns(chain)
+
+
+def chain_run(config: DictConfig, links: int, total: int | None = None, trials: bool = False) -> Run:
+    """The run of a recipe that makes a chain of trained skills: its config.yaml notes what the skills took.
+
+    Args:
+        config: of the recipe.
+        links: how many skills the chain has.
+        total, trials: see `Run`.
+    """
+    took = spent_by_skills(config.runs_dir, config.task.name, config.skills, config.seed, links)
+    return Run(plain(config), None, total, trials=trials, notes={SKILLS_TOOK: took})
 
 
 def _check_sizes(config: DictConfig, skill: Skill) -> None:

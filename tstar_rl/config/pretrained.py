@@ -8,6 +8,7 @@ from typing import Any
 from omegaconf import DictConfig, open_dict
 
 from tstar_rl.checks import InvalidValueError
+from tstar_rl.config.overrides import key_of, section_of
 from tstar_rl.config.values import plain, task_section
 from tstar_rl.runs.mismatch import CheckpointMismatchError
 from tstar_rl.runs.run_config import read_config
@@ -35,7 +36,7 @@ def take_pretrained(config: DictConfig, given: Iterable[str]) -> ShippedChain:
         InvalidValueError: for an unknown chain, or a value on the command line that the chain brings.
     """
     given = list(given)
-    names = {value.split("=")[0].lstrip("+~") for value in given}
+    names = {key_of(value) for value in given}
     if twice := sorted(names & set(ITS_OWN)):
         raise InvalidValueError(
             f"pretrained={config.pretrained} brings its own {', '.join(twice)}: leave {'=..., '.join(twice)}=... out"
@@ -52,7 +53,7 @@ def take_pretrained(config: DictConfig, given: Iterable[str]) -> ShippedChain:
         config.pretrained_sha256 = chain.sha256
         if "seed" not in names:
             config.seed = chain.record["seed"]
-        if "evaluation.whole_episodes" not in names:
+        if not any("whole_episodes" in value for value in given if section_of(value) == "evaluation"):
             config.evaluation.whole_episodes = max(
                 int(row["episodes"]) for row in chain.record["figures"].values()
             )

@@ -145,6 +145,9 @@ def _check_lists(values: Mapping[str, Any]) -> None:
         for value in find(values, name) or ():
             if value not in choices:
                 raise ConfigError(f"each {name[:-1]} must be one of {', '.join(choices)}; got {value!r}")
+        given = find(values, name) or ()
+        if len(set(given)) < len(given):
+            raise ConfigError(f"{name} must name each once, got {', '.join(given)}")
     seeds = values.get("seeds") or ()
     for seed in seeds:
         if seed < 0:

@@ -38,6 +38,14 @@ SEVERAL = {
     "report": "is of all that is published",
 }
 """Recipes that read more than one system, and where to say which."""
+NAMELESS = {
+    "make_demonstrations": "the script makes them",
+    "export": "path=... says whose episodes, without it demonstrations go out",
+    "watch": "variants=[...] says which chains",
+    "evaluate_shelf": "it tries the script",
+    "parity": "it compares two simulators",
+}
+"""Recipes that read no system, and what says what they do."""
 LOGGED = 2
 """chain.logged_skill of every scale, whatever the furniture: where a chain has fewer skills, it logs no states."""
 
@@ -99,6 +107,8 @@ def _check_asked(values: Mapping[str, Any], name: str) -> None:
         raise ConfigError(
             f"system must be left out, got {values['system']}: {name} {SEVERAL[name].format(values['system'])}"
         )
+    if name in NAMELESS and values["system"] not in (name, "expert"):
+        raise ConfigError(f"system must be left out, got {values['system']}: {NAMELESS[name]}")
     if name == "evaluate" and values["pretrained_dir"] is not None and values["pretrained"] is None:
         raise ConfigError(
             f"pretrained_dir={values['pretrained_dir']} is where pretrained=<task>/<variant> lies, which is null"

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from tstar_rl.checks import InvalidValueError, did_you_mean
+from tstar_rl.config.overrides import quoted, section_of
 from tstar_rl.launch.bonus import BONUS
-from tstar_rl.launch.overrides import quoted, section_of
 from tstar_rl.launch.side_by_side import Step
 from tstar_rl.runs.run_folder import SKILLS, UNTRAINED, Place, run_path
 

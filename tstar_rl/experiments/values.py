@@ -127,7 +127,12 @@ def _check_arms(experiment: DeclaredExperiment) -> None:
                 f"then, and arms with skills of their own are {', '.join(owners) or 'none'}"
             )
     paid = [arm for arm in experiment.arms if arm.bonus_of is not None]
+    unpaid = [arm.name for arm in experiment.arms if arm.recipe == UNTRAINED or arm.whole]
     for arm in paid:
+        if arm.bonus_of in unpaid:
+            raise InvalidValueError(
+                f"experiment.arms: {arm.name} has the bonus of {arm.bonus_of}, which trains no chain and pays none"
+            )
         if arm.bonus_of in [other.name for other in paid]:
             raise InvalidValueError(
                 f"experiment.arms: {arm.name} has the bonus of {arm.bonus_of}, which is paid another's itself"

@@ -9,9 +9,11 @@ from omegaconf import DictConfig
 
 from tstar_rl.chaining.chain import chain_folders
 from tstar_rl.checks import InvalidValueError, MissingFileError
+from tstar_rl.config.overrides import key_of
 from tstar_rl.launch.run_folders import evaluated_runs, run_folder, skills_took
 from tstar_rl.runs.checkpoint import is_checkpoint
-from tstar_rl.runs.run_folder import SPENT, is_untrained, made_by, read_run_path, spent_by
+from tstar_rl.runs.run_config import read_config
+from tstar_rl.runs.run_folder import SKILLS_TOOK, SPENT, is_untrained, made_by, read_run_path, spent_by
 
 __all__ = ["Found", "find_checkpoints", "spent_on"]
 
@@ -56,8 +58,9 @@ def spent_on(config: DictConfig, results: Path, found: Found) -> dict[str, float
 
     `results` is the folder of the table, whose config.yaml says what a chain began with.
 
-    They are nan where a run has not ended, and of one skill out of a chain, whose turns are not counted apart. The best
-    checkpoint cost what the last one did: its whole run was needed to tell that it is the best.
+    They are nan where a run has not ended, of one skill out of a chain, whose turns are not counted apart, and of a
+    chain that lies in no run's folder and says nothing of its skills. The best checkpoint cost what the last one did:
+    its whole run was needed to tell that it is the best.
     """
     in_chain = found.folders[0].name.startswith("skill")
     if in_chain and not found.chain:
@@ -65,8 +68,14 @@ def spent_on(config: DictConfig, results: Path, found: Found) -> dict[str, float
     own = spent_by({folder.parents[1 if in_chain else 0] for folder in found.folders})
     if not in_chain:  # one policy, or skills as they are
         return own
+    if SKILLS_TOOK not in read_config(results) and not _is_below(results, config.results_dir):
+        return dict.fromkeys(SPENT, math.nan)
     skills = skills_took(config, results, len(found.folders))
     return {name: own[name] + skills[name] for name in SPENT}
+
+
+def _is_below(folder: Path, root: str) -> bool:
+    return folder.resolve().is_relative_to(Path(root).resolve())
 
 
 def _found(places: list[Path], chained: bool) -> Found | None:
@@ -94,7 +103,7 @@ def _take_from_path(config: DictConfig, given: Iterable[str]) -> Path | None:
         return None
     root = max(around, key=lambda one: len(one.parts))  # one of them may lie in the other
     place, after = read_run_path(path.relative_to(root))
-    names = _keys(given) & {"system", "seed", "subtask"}
+    names = {key_of(value) for value in given} & {"system", "seed", "subtask"}
     asked = {"task": config.task.name, **{name: config[name] for name in sorted(names)}}
     for name, value in asked.items():
         found = getattr(place, name)
@@ -109,13 +118,8 @@ def _take_from_path(config: DictConfig, given: Iterable[str]) -> Path | None:
 def _check_checkpoints(config: DictConfig, given: Iterable[str]) -> None:
     """Raises InvalidValueError if other checkpoints are asked for than the one that config.path is."""
     name = Path(config.path).name
-    if "checkpoints" in _keys(given) and list(config.checkpoints) != [name]:
+    if "checkpoints" in map(key_of, given) and list(config.checkpoints) != [name]:
         raise InvalidValueError(
             f"path={config.path} is one checkpoint: leave out checkpoints, got {list(config.checkpoints)}; or give the "
             "folder of the run as the path"
         )
-
-
-def _keys(given: Iterable[str]) -> set[str]:
-    """The keys of values of the command line."""
-    return {value.lstrip("+~").split("=")[0] for value in given}

@@ -160,7 +160,8 @@ def rollout_metrics(rollout: TensorDictBase, apart: Tensor | None = None) -> dic
     Returns:
         episodes, and of these success_rate, completed (subtasks) and episode_length, nan where there was none; phase,
         the mean over all rows that are not apart, of episodes that go on too; with `apart` also episodes_apart and
-        success_rate_apart; means of the rewards over all rows.
+        success_rate_apart; means of the rewards over all rows; with a "reward_tsr" also tsr_on_success, its mean over
+        successes, nan where there was none.
     """
     following: TensorDictBase = rollout["next"]
     counted = torch.ones_like(following["done"]) if apart is None else ~apart

@@ -43,7 +43,7 @@ class Recorder:
             self.log(tensordict)
 
     def write(self, folder: Path) -> list[Path]:
-        """Writes first_success.mp4, first_failure.mp4 and, with both, episodes.html; returns the paths of those made.
+        """Writes first_success.mp4, first_failure.mp4 and, with either, episodes.html; returns the paths of those made.
 
         What an earlier evaluation left is deleted first, unless nothing was to be remembered.
         """
