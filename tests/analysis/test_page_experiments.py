@@ -222,3 +222,19 @@ def test_a_table_that_was_cut_off_is_not_shown(tmp_path):
     (tmp_path / "table/hand_over.csv").write_text("system,seed\ntstar,3\ntstar")
     with pytest.raises(LogError, match="hand_over.csv is damaged"):
         hand_over(tmp_path, "table", THEIRS, "")
+
+
+@pytest.mark.parametrize(
+    ("field", "message"),
+    [
+        ({"sections": ["tabel"]}, "sections of odd have tabel; there are table"),
+        ({"no_gap": ["tstra"]}, "no_gap of odd have tstra; there are buffer_no_gate, tstar"),
+        ({"figure_arms": ["tstar", "x"]}, "figure_arms of odd have x; there are"),
+    ],
+)
+def test_a_task_or_an_arm_that_there_is_not_is_told(published, field, message):
+    contents(
+        published, [{"folder": "odd", "kind": "experiment", **field}, {"folder": "plain", "kind": "paper"}]
+    )
+    with pytest.raises(ValueError, match=message):
+        results_page(published, THEIRS, "")

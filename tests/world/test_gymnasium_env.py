@@ -12,7 +12,7 @@ from test_gymnasium_vector_env import ID, actions, make_vec
 
 import tstar_envs
 from tstar_envs import rendering
-from tstar_envs.furniture import names
+from tstar_envs.furniture import library, names
 from tstar_envs.gymnasium_env import environment_id, register
 from tstar_rl.env.furniture_env import FurnitureEnv
 
@@ -63,6 +63,10 @@ def test_a_folder_of_furniture_that_is_none_is_told_and_the_packages_own_have_th
     with pytest.warns(UserWarning, match="own furniture alone: TSTAR_FURNITURE names .*nowhere, which is no"):
         register()
     assert gymnasium.registry[ID].kwargs == known.kwargs
+    library._load.cache_clear()
+    assert gymnasium.make(ID, subtask=0).unwrapped.world.name == TASK
+    with pytest.raises(ValueError, match="TSTAR_FURNITURE names .*nowhere, which is no folder"):
+        library.load("of_mine")
 
 
 def test_quaternions_and_phase_are_bounded_where_they_stand_in_the_observation():

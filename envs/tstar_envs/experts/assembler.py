@@ -164,7 +164,8 @@ class Assembler:
         """World frames (N, 3, 3) of the moving connector and of its goal, at the turn that the recipe names.
 
         A round part may slip about its axis, and need not be turned back: its frame is then the one that it would have
-        had the hand, which approaches along `approach` (N, 3), not slipped.
+        had the hand, which approaches along `approach` (N, 3), not slipped. Where the hand approaches along that axis,
+        its direction does not tell how far the part slipped: the frame is then the part's own.
         """
         tables = self.task.tables
         k = tables.step_index(state["subtask"])
@@ -172,8 +173,9 @@ class Assembler:
         moving = geometry.quat_to_matrix(poses[rows, tables.moving[k], 3:]) @ tables.moving_frame[k]
         goal = geometry.quat_to_matrix(poses[rows, tables.target[k], 3:]) @ tables.goal_frame[k]
         held = (moving.transpose(1, 2) @ approach.unsqueeze(-1)).squeeze(-1)
-        slipped = _heading(held) - _heading(self._hand_in_connector[k])
-        slipped = torch.where(tables.turns_freely[k], slipped, 0.0)
+        nominal = self._hand_in_connector[k]
+        shows = tables.turns_freely[k] & (nominal[:, :2].norm(dim=-1) > 0.5)
+        slipped = torch.where(shows, _heading(held) - _heading(nominal), 0.0)
         return moving @ geometry.quat_to_matrix(geometry.yaw_quat(slipped)), goal
 
     def _twist(self, offset: Tensor, turn: Tensor, still: Tensor) -> Tensor:

@@ -12,7 +12,7 @@ class FurnitureError(ValueError):
 
 def nearest(got: str, names: Iterable[str]) -> str | None:
     """The name that is most like what was got, if one is near."""
-    return next(iter(difflib.get_close_matches(got, list(names), n=1)), None)
+    return next(iter(difflib.get_close_matches(str(got), list(names), n=1)), None)
 
 
 def did_you_mean(got: str, valid: Iterable[str]) -> str:

@@ -48,19 +48,24 @@ def names(folders: Iterable[Path] | None = None) -> tuple[str, ...]:
 
 
 def _folders() -> list[Path]:
-    """The package's own, and those that the user has named."""
-    further = [Path(one).expanduser() for one in os.environ.get(FURTHER, "").split(os.pathsep) if one]
+    """The package's own, and those that the user has named, which must be there."""
+    own, *further = _named_folders()
     for folder in further:
         if not folder.is_dir():
             raise FurnitureError(
                 f"{FURTHER} names {folder}, which is no folder; it names folders of furniture files"
             )
+    return [own, *further]
+
+
+def _named_folders() -> list[Path]:
+    further = [Path(one).expanduser() for one in os.environ.get(FURTHER, "").split(os.pathsep) if one]
     return list({folder.resolve(): folder for folder in (DATA, *further)}.values())
 
 
 def files(name: str) -> list[Path]:
     """Returns the files of pieces called `name`; `load` refuses two."""
-    return [file for folder in _folders() if (file := folder / f"{name}.yaml").is_file()]
+    return [file for folder in _named_folders() if (file := folder / f"{name}.yaml").is_file()]
 
 
 def camel_case(name: str) -> str:
@@ -104,7 +109,9 @@ def digest(name: str) -> str:
 @functools.cache
 def _load(name: str) -> tuple[Furniture, str]:
     """The piece and its digest, of one reading of the file."""
-    if name not in names():
+    if (
+        name not in names((DATA,)) and name not in names()
+    ):  # the package's own are there whatever FURTHER names
         raise FurnitureError(f"no furniture is called {name!r}: {did_you_mean(name, names())}")
     first, *others = files(name)
     if others:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from numbers import Real
 from typing import Any
 
 from tstar_envs.checks import is_finite, short
@@ -24,7 +25,7 @@ def check_number(
     where: str, value: Any, positive: bool = False, least: float = -math.inf, most: float = math.inf
 ) -> None:
     """A finite number in its bounds."""
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not is_finite(value):
+    if isinstance(value, bool) or not isinstance(value, Real) or not is_finite(value):
         raise FurnitureError(f"{where}: got {short(value)}, expected a finite number{_as_number(value)}")
     if positive and value <= 0:
         raise FurnitureError(f"{where}: got {value:g}, expected a positive number")

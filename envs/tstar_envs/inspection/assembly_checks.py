@@ -9,6 +9,7 @@ import torch
 
 from tstar_envs import geometry
 from tstar_envs.connection import WrongPairs
+from tstar_envs.furniture.schema import Step
 from tstar_envs.inspection.finding import Finding, doubtful, wrong
 from tstar_envs.inspection.reach import shortfall
 from tstar_envs.inspection.workshop import FAR, Workshop
@@ -192,6 +193,13 @@ def _values(workshop: Workshop, k: int) -> Iterator[Finding]:
             f"it does not count in steps[{k}]: there those of the moving part's {moving_connector.name} do, "
             f"which are others",
         )
+    if step.grasp_from == "back" and step.grip_angle[2] > -0.99 and step.travel_height != Step.travel_height:
+        yield doubtful(
+            f"steps[{k}].travel_height",
+            "its height does not count where the hand comes from behind (grasp_from: back)",
+        )
+    if step.insertion == 0 and step.clearance != Step.clearance:
+        yield doubtful(f"steps[{k}].clearance", "it does not count without insertion")
     if not any(step.waypoint):
         yield doubtful(f"steps[{k}].waypoint", "the reward asks the hand to lift the part by nothing")
 

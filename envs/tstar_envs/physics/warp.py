@@ -226,4 +226,6 @@ def _checked(device: torch.device) -> torch.device:
             f"device {str(device)!r} was asked for, but torch finds no CUDA device; device='cpu' simulates with "
             "MuJoCo, and physics='warp' beside it with the GPU's simulator on the processor (slowly: for tests)"
         )
+    if (device.index or 0) >= (count := torch.cuda.device_count()):
+        raise ValueError(f"device {str(device)!r} was asked for; torch finds cuda:0 to cuda:{count - 1}")
     return torch.device("cuda", torch.cuda.current_device() if device.index is None else device.index)

@@ -4,6 +4,8 @@ import pytest
 import torch
 from worlds import PIECES, make, run
 
+from tstar_envs import geometry
+
 
 @pytest.mark.parametrize(("subtask", "bonuses"), [(0, 25_000), (1, 25_000), (2, 40_000), (3, 25_000)])
 def test_the_expert_is_paid_for_the_chair(subtask, bonuses):
@@ -48,3 +50,16 @@ def test_the_expert_assembles_the_whole_piece(name, speed, wanted):
     world = make(200, None, seed=1, name=name, velocity_scale=speed)
     success, _ = run(world, world.expert().act)
     assert success.double().mean() >= wanted
+
+
+def test_a_round_part_that_is_held_along_its_axis_has_its_own_frame():
+    """Which way such a hand leans, by a milliradian, says nothing of how far the part slipped."""
+    world = make(8, 0, name="toy_table")
+    expert, tables = world.expert(), world.task.tables
+    assert tables.turns_freely[0]
+    expert._hand_in_connector[0] = torch.tensor([0.0, 0.0, -1.0])
+    part = geometry.quat_to_matrix(world.task.part_poses[:, tables.moving[0], 3:])
+    moving = part @ tables.moving_frame[0]
+    leans = 1e-3 * torch.randn(8, 3, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    found, _ = expert._connector_frames(world.state, -moving[:, :, 2] + leans)
+    torch.testing.assert_close(found, moving)

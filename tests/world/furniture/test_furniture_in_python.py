@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from tstar_envs import furniture
@@ -71,6 +72,8 @@ def test_a_connector_is_joined_once():
             lambda c: changed_step(c, grasp_from="side"),
             r"steps\[0\].grasp_from: got 'side', valid: 'above', 'back'",
         ),
+        (lambda c: changed_step(c, moving_part=3), "no part of 'chair' is called 3"),
+        (lambda c: replace(c, no_contact=((1, 2),)), "no_contact"),
         (
             lambda c: changed_step(c, clearance=float("inf")),
             r"steps\[0\].clearance: got inf, expected a finite",
@@ -99,3 +102,9 @@ def test_a_connector_is_joined_once():
 def test_a_piece_built_in_python_is_checked_as_a_file_is(chair, change, message):
     with pytest.raises(FurnitureError, match=message):
         change(chair())
+
+
+def test_numbers_of_numpy_are_numbers(chair):
+    piece = chair()
+    assert changed_part(piece, density=np.int64(100)).parts[0].density == 100
+    assert changed_step(piece, clearance=np.float32(0.01)).steps[0].clearance == np.float32(0.01)

@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
-from tstar_rl.analysis.experiments import read_experiment
+from tstar_rl.analysis.experiments import Experiment, read_experiment
 from tstar_rl.analysis.page import experiment as parts
 from tstar_rl.analysis.page import sections, skills
 from tstar_rl.analysis.page.calibration import calibration
@@ -149,13 +149,16 @@ def _experiment(entry: Entry, paper: Paper) -> str:
     """The part of the page that an experiment fills.
 
     Raises:
-        InvalidValueError: if its arms come from several commits and contents.yaml does not say so.
+        InvalidValueError: if its arms come from several commits and contents.yaml does not say so, or that file names a
+            task or an arm that there is not.
     """
     said, paper = [f"#{entry.intro()}"], entry.named(paper)
     if entry.kind == "ablations":
         return "\n\n".join([*said, sections.ablated(entry.folder)])
     evaluations, metrics = evaluations_of(entry.folder), read_metrics(entry.folder)
     experiment = None if entry.kind == "paper" else read_experiment(entry.folder, entry.commits == "one")
+    if experiment:
+        _check_names(entry, experiment)
     said.append(commits(experiment) if experiment else "")
     said.append(f"[Every run of it](every_run.md#{anchor(entry.title)}), seed by seed.")
     said.append(over_tasks(experiment, paper, entry) if experiment and entry.kind == "experiment" else "")
@@ -185,6 +188,20 @@ def _experiment(entry: Entry, paper: Paper) -> str:
         leads["Curves"] = curves(metrics, task, entry.prefix)
         said += [f"#### {title}\n\n{text.strip()}" for title, text in leads.items() if text]
     return "\n\n".join(part.strip() for part in said if part)
+
+
+def _check_names(entry: Entry, experiment: Experiment) -> None:
+    arms = set(experiment.arms["arm"]) if len(experiment.arms) else set()
+    for field, named, there in (
+        ("sections", entry.sections or (), set(experiment.tasks)),
+        ("no_gap", entry.no_gap, arms),
+        ("figure_arms", entry.figure_arms, arms),
+    ):
+        if unknown := sorted(set(named) - there):
+            raise InvalidValueError(
+                f"contents.yaml: {field} of {entry.folder.name} have {', '.join(unknown)}; there are "
+                f"{', '.join(sorted(there)) or 'none'}"
+            )
 
 
 def results_head(root: str | Path, paper: Paper, notes: str) -> str:

@@ -31,7 +31,7 @@ class Timeline {
   // The rows are painted once, and again when something of them is another; the cursor in every frame.
   draw(episode, time, names) {
     const rows = ["subtask", "phase", "reward", ...Object.keys(episode.series)];
-    const heights = rows.map((name) => ROW[name] ?? ROW.series);
+    const heights = rows.map((name, i) => (i < 3 ? ROW[name] : ROW.series));
     const height = heights.reduce((sum, h) => sum + h + ROW.gap, ROW.gap);
     const scale = window.devicePixelRatio || 1;
     const style = getComputedStyle(document.documentElement);
