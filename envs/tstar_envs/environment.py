@@ -135,6 +135,11 @@ class BatchedEnvironment:
         self._begun.remove(mask)
         try:
             self.task.initialize_episode(self.state, mask)
+        except BaseException:  # neither the old episode is there nor a new one: as in one that was given up
+            none = self.task.new_state()
+            none["failed"].fill_(True)
+            assign(self.state, none, mask)
+            raise
         finally:  # also those of a start that never settled
             self.failures += self.task.starts.failures - failures
         self._begun.add(mask)

@@ -66,6 +66,25 @@ def test_where_a_reset_fails_there_is_no_episode_to_step(monkeypatch):
     world.step(REST)
 
 
+def test_a_snapshot_from_after_such_a_reset_is_of_no_episode(monkeypatch):
+    world, other = (tstar_envs.load("table_lack", 1, None, 1, 0) for _ in range(2))
+    world.reset()
+    expert = world.expert()
+    while not world.state["completed"].all():
+        world.step(expert.act(world.state))
+    with monkeypatch.context() as patch, pytest.raises(StartError):
+        unsettled(world, patch)
+        world.reset()
+    for each in (world, other):
+        each.restore(world.snapshot())
+        each.step(REST[:1])
+        assert each.state["failed"].all() and not each.state["completed"].any()
+        with pytest.raises(ValueError, match="that one was given up"):
+            each.reset_to(world.snapshot())
+    world.reset()
+    world.step(REST[:1])
+
+
 @pytest.mark.parametrize("mode", list(AutoresetMode))
 def test_nor_is_there_one_in_the_vector(mode, monkeypatch):
     envs = GymnasiumVectorEnv("table_lack", 2, 0, autoreset_mode=mode)
