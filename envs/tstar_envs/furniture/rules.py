@@ -27,11 +27,12 @@ def check_number(
     """A finite number in its bounds."""
     if isinstance(value, bool) or not isinstance(value, Real) or not is_finite(value):
         raise FurnitureError(f"{where}: got {short(value)}, expected a finite number{_as_number(value)}")
-    if positive and value <= 0:
-        raise FurnitureError(f"{where}: got {value:g}, expected a positive number")
-    if not least <= value <= most:
+    number = float(value)
+    if positive and number <= 0:
+        raise FurnitureError(f"{where}: got {number:g}, expected a positive number")
+    if not least <= number <= most:
         valid = f"from {least:g} to {most:g}" if math.isfinite(least) else f"of at most {most:g}"
-        raise FurnitureError(f"{where}: got {value:g}, expected a number {valid}")
+        raise FurnitureError(f"{where}: got {number:g}, expected a number {valid}")
 
 
 def _as_number(value: Any) -> str:
