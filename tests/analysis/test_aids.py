@@ -6,9 +6,10 @@ import pandas as pd
 import pytest
 from published_runs import COMMIT, THEIRS, contents
 
-from tstar_rl.analysis.aids import Aids, skills_of_arms, worth_of_aids
+from tstar_rl.analysis.aids import Aids, worth_of_aids
 from tstar_rl.analysis.page import draw_page, results_page
 from tstar_rl.analysis.page.contents import read_contents
+from tstar_rl.analysis.tables import skills_of_arms
 
 RULE = Aids(all_aids="all_aids", succeeds=0.5, fails=0.1, seeds=3)
 

@@ -1,8 +1,6 @@
 """What a turn learns from and what it keeps, on a chain that trains in seconds."""
 
 from copy import deepcopy
-from types import SimpleNamespace
-from unittest.mock import Mock
 
 import pandas as pd
 import pytest
@@ -10,13 +8,10 @@ import torch
 
 from tstar_rl.chaining import turns
 from tstar_rl.chaining.chain import load_chain
-from tstar_rl.chaining.chain_training import ChainTraining
 from tstar_rl.chaining.gate import Gate
 from tstar_rl.chaining.skill import Skill
-from tstar_rl.chaining.training import Training
 from tstar_rl.chaining.trials import run_trial
 from tstar_rl.chaining.turns import Turn
-from tstar_rl.rollouts.ray_collection import RayCollection
 
 SHORT = ("chain.gate=false", "chain.steps_per_turn=512", "chain.trial_every=100")
 """Turns of one rollout, and no trial."""
@@ -233,41 +228,3 @@ def test_a_turn_explores_as_the_schedule_ends(point_chain, monkeypatch):
     monkeypatch.setattr(Turn, "log", note)
     point_chain("tstar", *SHORT, "chain.links=2", "exploration={arm: [0.5, 0.25], hand: [0.3, 0.3]}")
     assert used == {0.25}
-
-
-def test_a_recipe_that_leaves_a_turn_before_its_end_is_told(point_chain, monkeypatch):
-    """Its last rollouts would be missing from the log, and the gate would keep it without a trial."""
-    rollouts = Turn.rollouts
-
-    def left(turn):
-        yield next(rollouts(turn))
-
-    monkeypatch.setattr(Turn, "rollouts", left)
-    with pytest.raises(RuntimeError, match="turn 0, of skill 0, was left before its end"):
-        point_chain("policy_sequencing", "chain.steps_per_turn=512")
-
-
-def test_a_rollout_that_was_not_logged_is_told(point_chain, monkeypatch):
-    """The row of the one before would stand in its line."""
-    logged, log = [], Training.log
-
-    def once(training, rollout, row):
-        if not logged:
-            log(training, rollout, row)
-        logged.append(row)
-
-    monkeypatch.setattr(Training, "log", once)
-    with pytest.raises(RuntimeError, match="the last one was not"):
-        point_chain("policy_sequencing", "chain.gate=false", "chain.links=2")
-    assert len(logged) == 2
-
-
-def test_workers_of_a_cluster_are_never_carried_over():
-    skills = [SimpleNamespace(), SimpleNamespace()]
-    settings = SimpleNamespace(order="forward", carry_over=True)
-    chain = ChainTraining(skills, [], None, settings, 1, None, None, None)
-    workers = Mock(spec=RayCollection)
-    chain.kept_by(0).update(collection=workers, update_policy="kept")
-    chain.end_turn(0)
-    workers.close.assert_called_once()
-    assert chain.kept_by(0) == {"update_policy": "kept"}

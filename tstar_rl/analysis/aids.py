@@ -7,7 +7,7 @@ import pandas as pd
 
 from tstar_rl.analysis.differences import student_half
 
-__all__ = ["Aids", "skills_of_arms", "worth_of_aids"]
+__all__ = ["Aids", "worth_of_aids"]
 
 
 @dataclass(frozen=True)
@@ -27,25 +27,12 @@ class Aids:
     seeds: int
 
 
-def skills_of_arms(evaluations: pd.DataFrame, task: str, mode: str = "deterministic") -> pd.DataFrame:
-    """Rows of the last checkpoints of a task's skills from their own starts, by subtask, arm and seed.
-
-    Args:
-        evaluations: of `read_evaluations`.
-        task: furniture.
-        mode: of the actions, deterministic or stochastic.
-    """
-    chosen = (evaluations["task"] == task) & (evaluations["subtask"] >= 0)
-    chosen &= (evaluations["checkpoint"] == "last") & (evaluations["mode"] == mode)
-    return evaluations[chosen].sort_values(["subtask", "recipe", "seed"], ignore_index=True)
-
-
 def worth_of_aids(rule: Aids, rows: pd.DataFrame) -> pd.DataFrame:
     """Answers for each arm that leaves an aid out, subtask by subtask.
 
     Args:
         rule: that was declared.
-        rows: of `skills_of_arms`.
+        rows: of `tables.skills_of_arms`.
 
     Returns:
         Index subtask and arm; columns seeds (that both arms have), difference (in success, the arm less all aids, mean

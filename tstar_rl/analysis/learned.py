@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import pandas as pd
 
+from tstar_rl.analysis.tables import skills_of_arms
 from tstar_rl.runs.run_folder import SKILLS
 
 __all__ = ["Learned", "evaluated_skills", "learned_skills"]
@@ -37,10 +38,8 @@ def evaluated_skills(rule: Learned, evaluations: pd.DataFrame, task: str) -> pd.
         evaluations: of `read_evaluations`.
         task: furniture.
     """
-    mine = (evaluations["task"] == task) & (evaluations["recipe"] == rule.skills)
-    chosen = (evaluations["checkpoint"] == "last") & (evaluations["mode"] == "deterministic")
-    rows = evaluations[mine & chosen & (evaluations["subtask"] >= 0)]
-    return rows.sort_values(["subtask", "seed"], ignore_index=True)
+    rows = skills_of_arms(evaluations, task)
+    return rows[rows["recipe"] == rule.skills].reset_index(drop=True)
 
 
 def learned_skills(rule: Learned, rows: pd.DataFrame) -> pd.DataFrame:

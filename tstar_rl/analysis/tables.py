@@ -31,6 +31,7 @@ __all__ = [
     "read_hand_over",
     "read_metrics",
     "short_commit",
+    "skills_of_arms",
     "whole_task",
 ]
 
@@ -160,6 +161,19 @@ def short_commit(commit: str) -> str:
     """A run's commit, as `commit_of` gives it, with 7 digits of each."""
     parts = [(one.removesuffix(DIRTY), DIRTY if one.endswith(DIRTY) else "") for one in commit.split("+")]
     return "+".join(one[:7] + end for one, end in parts)
+
+
+def skills_of_arms(evaluations: pd.DataFrame, task: str, mode: str = "deterministic") -> pd.DataFrame:
+    """Rows of the last checkpoints of a task's skills from their own starts, by subtask, arm and seed.
+
+    Args:
+        evaluations: of `read_evaluations`.
+        task: furniture.
+        mode: of the actions, deterministic or stochastic.
+    """
+    chosen = (evaluations["task"] == task) & (evaluations["subtask"] >= 0)
+    chosen &= (evaluations["checkpoint"] == "last") & (evaluations["mode"] == mode)
+    return evaluations[chosen].sort_values(["subtask", "recipe", "seed"], ignore_index=True)
 
 
 def whole_task(evaluations: pd.DataFrame, task: str) -> pd.DataFrame:

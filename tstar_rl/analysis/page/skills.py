@@ -4,7 +4,7 @@ import math
 
 import pandas as pd
 
-from tstar_rl.analysis.aids import Aids, skills_of_arms, worth_of_aids
+from tstar_rl.analysis.aids import Aids, worth_of_aids
 from tstar_rl.analysis.learned import Learned, evaluated_skills, learned_skills
 from tstar_rl.analysis.page.markdown import (
     NOTHING,
@@ -16,6 +16,7 @@ from tstar_rl.analysis.page.markdown import (
     table,
 )
 from tstar_rl.analysis.page.sections import pick
+from tstar_rl.analysis.tables import skills_of_arms
 
 __all__ = ["aids", "learned", "skills"]
 
