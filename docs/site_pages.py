@@ -31,7 +31,7 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
     """Sets the navigation: new pages, decisions, notebooks and modules appear in it by themselves."""
     pages = {path.name for path in (ROOT / "docs").glob("*.md")} - set(NOT_SHOWN)
     folders = [
-        {folder.name.capitalize(): sorted(f"{folder.name}/{path.name}" for path in folder.glob("*.md"))}
+        {folder.name.capitalize(): [f"{folder.name}/{name}" for name in in_order(folder)]}
         for folder in sorted((ROOT / "docs").iterdir())
         if folder.is_dir() and folder.name != "decisions" and any(folder.glob("*.md"))
     ]
@@ -80,6 +80,7 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     shown = {str(ROOT / name): uri for name, uri in COPIED.items()}
     shown |= {str(path): f"notebooks/{path.name}" for path in notebooks()}
     shown |= {str(ROOT / "docs/decisions"): "decisions/index.md", str(ROOT / "recipes"): "recipes.md"}
+    shown[str(ROOT / "docs/experiments")] = "experiments/index.md"
     shown |= {str(path): "recipes.md" for path in (ROOT / "recipes").glob("*.py")}
     shown |= {str(ROOT / "docs" / file.src_uri): file.src_uri for file in files}
 
@@ -102,6 +103,11 @@ def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -
     if not page.file.src_uri.endswith(".ipynb"):
         return html
     return re.sub(r'href="\.\./docs/([^"#]+)\.md', r'href="../\1.html', html)
+
+
+def in_order(folder: Path) -> list[str]:
+    """The pages of a folder, the one that presents it first."""
+    return sorted((path.name for path in folder.glob("*.md")), key=lambda name: (name != "index.md", name))
 
 
 def notebooks() -> list[Path]:

@@ -1,6 +1,7 @@
 """Chaining recipes run on the point chain, in this process."""
 
 import runpy
+from pathlib import Path
 from types import SimpleNamespace
 from typing import NamedTuple
 
@@ -60,7 +61,8 @@ def point_chain(tmp_path, monkeypatch):
     for module in (build, chain):
         monkeypatch.setattr(module, "load_demonstrations", lambda config, subtask: expert)
 
-    def run(recipe: str, *values: str, resumable: bool = False) -> pd.DataFrame:
+    def run(recipe: str, *values: str, resumable: bool = False, file: Path | None = None) -> pd.DataFrame:
+        """With `file` that recipe runs, with the config of the one that is named."""
         places = [f"{place}_dir={tmp_path / place}" for place in ("results", "runs")]
         with initialize_config_dir(str(CONFIGS), version_base="1.3"):
             config = compose(f"recipe/{recipe}", [*SMALL, *SIZES, *places, *values])
@@ -71,7 +73,7 @@ def point_chain(tmp_path, monkeypatch):
         with monkeypatch.context() as patch:
             if not resumable:
                 patch.setattr(checkpoint, "save_step", lambda *_: None)
-            runpy.run_path(str(ROOT / "recipes" / f"{recipe}.py"))["main"].__wrapped__(config)
+            runpy.run_path(str(file or ROOT / "recipes" / f"{recipe}.py"))["main"].__wrapped__(config)
         return pd.read_csv(tmp_path / f"results/table_lack/{config.system}/seed{config.seed}/metrics.csv")
 
     return run

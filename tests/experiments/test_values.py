@@ -1,6 +1,8 @@
 """The values of a declared experiment are checked before anything runs."""
 
 import pytest
+import yaml
+from recipe_runs import ROOT
 from small_experiment import SMALL
 
 from tstar_rl.experiments.values import parse_experiment
@@ -114,3 +116,11 @@ from tstar_rl.experiments.values import parse_experiment
 def test_what_is_no_experiment_is_refused(change, message):
     with pytest.raises(ValueError, match=message):
         parse_experiment({**SMALL, **change})
+
+
+def test_the_experiment_that_usage_shows_is_one():
+    shown = (ROOT / "docs" / "usage.md").read_text().split("# @package experiment\n")[1].split("```")[0]
+    values = yaml.safe_load(shown.replace("hand_high", "feasibility"))  # the reader's own recipe
+    declared = parse_experiment(values)
+    assert [arm.name for arm in declared.arms_of(2000)][-1] == "mine_bonus"
+    assert declared.arms[-1].bonus_of == "mine"

@@ -61,7 +61,7 @@ class DemonstrationsSection:
     seed: int | None
     """Whose demonstrations are learned from; None: the run's own."""
     noise: float
-    """Deviation of what is added to the arm's actions in noisy ones, as a share of their range."""
+    """Deviation of what is added to the arm's actions in noisy ones; 1 is full speed."""
     num_envs: int
     """Simulations that make them."""
     may_differ: tuple[str, ...]

@@ -26,7 +26,7 @@ class NetworkSettings:
     std: str = "state"
     """Of the actions: `state`, learned and given by the policy; `fixed`, as `exploration` says."""
     action_std: float = 0.1
-    """Deviation of the joint velocities, as a share of their range; with std=state at the beginning."""
+    """Deviation of the joint velocities, in units of the action (1 is full speed); with std=state at the beginning."""
     hand_std: float = 0.1
     """Deviation of the gripper and connect actions."""
     features: bool = False

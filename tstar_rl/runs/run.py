@@ -1,6 +1,6 @@
 """What a run leaves behind: a table of metrics, its config, checkpoints to resume from, and a progress bar.
 
-`results/<task>/<recipe>/seed<k>[/subtask<i>]/` holds what is kept (config.yaml, metrics.csv, evaluation.csv, and of
+`results/<task>/<system>/seed<k>[/subtask<i>]/` holds what is kept (config.yaml, metrics.csv, evaluation.csv, and of
 a chain terminal_states.csv and calibration.csv);
 `runs/` mirrors it with what is large or depends on the machine (checkpoints, skills, timing.csv).
 """

@@ -61,7 +61,7 @@ class Place(NamedTuple):
 
 
 def run_path(root: str | Path, task: str, recipe: str, seed: int, subtask: int | None = None) -> Path:
-    """<root>/<task>/<recipe>/seed<k>[/subtask<i>]."""
+    """<root>/<task>/<system>/seed<k>[/subtask<i>]."""
     path = Path(root) / task / recipe / f"seed{seed}"
     return path if subtask is None else path / f"subtask{subtask}"
 
@@ -74,12 +74,12 @@ def read_run_path(path: Path, root: Path | None = None) -> tuple[Place, Path]:
         root: for the message, where all that lies there is to be of runs.
 
     Raises:
-        InvalidValueError: if it is not <task>/<recipe>/seed<k>[/subtask<i>][/...].
+        InvalidValueError: if it is not <task>/<system>/seed<k>[/subtask<i>][/...].
     """
     found = re.fullmatch(r"([^/]+)/(.+?)/seed(\d+)(?:/subtask(\d+))?(?:/(.*))?", path.as_posix())
     if found is None:
         out = "" if root is None else f" in {root}: what is no run belongs elsewhere"
-        raise InvalidValueError(f"a run lies at <task>/<recipe>/seed<k>[/subtask<i>], got {path}{out}")
+        raise InvalidValueError(f"a run lies at <task>/<system>/seed<k>[/subtask<i>], got {path}{out}")
     task, system, seed, subtask, rest = found.groups()
     return Place(task, system, int(seed), None if subtask is None else int(subtask)), Path(rest or "")
 
