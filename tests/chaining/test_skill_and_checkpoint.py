@@ -133,6 +133,35 @@ def test_a_skill_of_another_chain_or_place_is_refused_by_its_name(chain, tmp_pat
         chain_folders(chain)
 
 
+def test_a_chain_that_is_replaced_while_it_is_read_is_not_read_by_halves(chain, monkeypatch):
+    load = Skill.load
+
+    def replaced_after_the_first(path, **expected):
+        found = load(path, **expected)
+        if path.name == "skill0":
+            save_chain([Skill("table_lack", index, SMALL) for index in range(3)], chain, recipe="tstar")
+        return found
+
+    monkeypatch.setattr(Skill, "load", replaced_after_the_first)
+    with pytest.raises(CheckpointMismatchError, match="skill1 does not belong here: chain.id was"):
+        load_chain(chain)
+    monkeypatch.undo()
+    assert len(load_chain(chain)) == 3
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ([("table_lack", 1), ("table_lack", 0)], r"subtasks 0, 1, \.\.\. in order; got \[1, 0\]"),
+        ([("table_lack", 0), ("bench_bjursta", 1)], "of one task; got skills of bench_bjursta, table_lack"),
+    ],
+)
+def test_skills_that_make_no_chain_do_not_take_the_place_of_one(chain, wrong, said):
+    with pytest.raises(InvalidValueError, match=said):
+        save_chain([Skill(task, index, SMALL) for task, index in wrong], chain)
+    assert len(load_chain(chain)) == 3
+
+
 def test_a_shorter_chain_takes_the_place_of_a_longer_one(chain):
     save_chain([Skill("table_lack", index, SMALL) for index in range(2)], chain)
     assert [folder.name for folder in chain_folders(chain)] == ["skill0", "skill1"]

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import pytest
 import torch
+from tensordict import NonTensorData, TensorDict
 
 from tstar_rl.runs import checkpoint, files
-from tstar_rl.runs.checksums import DamagedCheckpointError
+from tstar_rl.runs.checksums import SEAL, DamagedCheckpointError, seal
 
 spec = importlib.util.spec_from_file_location(
     "damage_checkpoints", Path(__file__).resolve().parents[2] / "tools" / "damage_checkpoints.py"
@@ -126,3 +127,28 @@ def test_a_checkpoint_is_on_the_disk_before_the_one_before_it_goes(tmp_path, mon
     made = {stage, *(stage / path.relative_to(newest) for path in newest.rglob("*"))}
     assert len(made) > 4 and made <= set(written)
     assert ("written", tmp_path) in done[done.index(("placed", stage)) :]
+
+
+class Harmful:
+    """What runs code when it is unpickled."""
+
+    def __init__(self, mark: Path) -> None:
+        self.mark = mark
+
+    def __reduce__(self):
+        return Path.touch, (self.mark,)
+
+
+def test_a_pickle_in_a_checkpoint_is_not_read(tmp_path):
+    """Whoever makes one can seal it."""
+    folder, mark = tmp_path / "mine", tmp_path / "mark"
+    checkpoint.save(folder, {"module": torch.nn.Linear(1, 1)}, {})
+    archive = folder / "components/0000-module/state.tdz"
+    archive.unlink()
+    TensorDict({"harm": NonTensorData(Harmful(mark))}).save(archive, archive=True)
+    mark.unlink(missing_ok=True)  # it was copied while it was saved, which makes one anew
+    (folder / SEAL).unlink()
+    seal(folder)
+    with pytest.raises(DamagedCheckpointError, match="mine holds pickled data, which could run any code"):
+        checkpoint.load(folder, {"module": torch.nn.Linear(1, 1)})
+    assert not mark.exists()

@@ -36,7 +36,7 @@ def test_a_path_is_read_as_it_was_made():
         assert read_run_path(folder) == (place, Path())
         assert read_run_path(folder / "last" / "skill1") == (place, Path("last/skill1"))
     for wrong in ("table/tstar/last", "table/seed0", "."):
-        with pytest.raises(ValueError, match="a run lies at <task>/<recipe>/seed<k>"):
+        with pytest.raises(ValueError, match="a run lies at <task>/<system>/seed<k>"):
             read_run_path(Path(wrong))
 
 

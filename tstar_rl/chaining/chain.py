@@ -19,7 +19,7 @@ from tstar_rl.runs.files import replacing_folder
 from tstar_rl.runs.run_folder import made_by
 from tstar_rl.runs.saved_kinds import kind_of
 
-__all__ = ["ChainPolicy", "chain_folders", "load_chain", "save_chain"]
+__all__ = ["ChainPolicy", "chain_folders", "chain_of", "check_links", "load_chain", "save_chain"]
 
 
 class ChainPolicy(TensorDictModuleBase):
@@ -29,10 +29,11 @@ class ChainPolicy(TensorDictModuleBase):
     `set_exploration_type`, as each skill's own policy does.
 
     Args:
-        skills: in the order of the subtasks.
+        skills: in the order of the subtasks. Each one's networks share a normaliser, so move the skills to a device
+            (`Skill.to`), not this policy of theirs.
 
     Raises:
-        InvalidValueError: if there are none, or one stands in another's place.
+        InvalidValueError: if there are none, one stands in another's place, or they are of several tasks.
     """
 
     def __init__(self, skills: Sequence[Skill]) -> None:
@@ -46,9 +47,7 @@ class ChainPolicy(TensorDictModuleBase):
                 else ", ".join(type(each).__name__ for each in ([skills] if alone else skills))
             )
             raise InvalidValueError(f"a chain is made of skills, as load_chain(path) gives them; got {got}")
-        order = [skill.subtask for skill in skills]
-        if not order or order != list(range(len(order))):
-            raise InvalidValueError(f"a chain needs the skills of subtasks 0, 1, ... in order; got {order}")
+        check_links(skills)
         self.in_keys, self.out_keys = ["observation", "subtask"], ["action"]
         self.policies = nn.ModuleList(skill.policy for skill in skills)
         self._piece, self._width = skills[0].task, skills[0].obs_dim
@@ -80,12 +79,25 @@ class ChainPolicy(TensorDictModuleBase):
         return tensordict.set("action", action.reshape(*tensordict.batch_size, action.shape[-1]))
 
 
+def check_links(skills: Sequence[Skill]) -> None:
+    """Raises InvalidValueError unless these are the skills of subtasks 0, 1, ... of one task, in order."""
+    order, tasks = [skill.subtask for skill in skills], {skill.task for skill in skills}
+    if not order or order != list(range(len(order))):
+        raise InvalidValueError(f"a chain needs the skills of subtasks 0, 1, ... in order; got {order}")
+    if len(tasks) > 1:
+        raise InvalidValueError(f"a chain is of one task; got skills of {', '.join(sorted(tasks))}")
+
+
 def save_chain(skills: Sequence[Skill], path: str | Path, **record: Any) -> None:
     """Writes every skill of a chain to <path>/skill<i>, each with the record.
 
     They take the place of what was at `path` together: a kill leaves the old chain or the new one. Each also records
     which chain it is of and how many skills that has, so that none can be lost unnoticed.
+
+    Raises:
+        InvalidValueError: for skills that make no chain; see `check_links`. What is there stays.
     """
+    check_links(skills)
     whole = {"id": uuid.uuid4().hex, "skills": len(skills)}
     with replacing_folder(Path(path)) as stage:
         for index, skill in enumerate(skills):
@@ -124,12 +136,22 @@ def load_chain(path: str | Path, **expected: Any) -> list[Skill]:
     Raises:
         MissingFileError: if there is none; a FileNotFoundError.
         DamagedCheckpointError: see `chain_folders`.
+        CheckpointMismatchError: see `Skill.load`; also if another chain took its place while it was read.
     """
     path = Path(path)
     folders = chain_folders(path)
     if not folders:
         raise MissingFileError(f"no chain at {path}{_where_else(path)}")
-    return [Skill.load(folder, **expected) for folder in folders]
+    whole = chain_of(folders[0])
+    return [Skill.load(folder, **expected, chain=whole) for folder in folders]
+
+
+def chain_of(skill: Path) -> dict[str, Any] | None:
+    """What the skill saved in a folder says of the chain that it is of, as `chain` of what is expected; None: of none.
+
+    Skills that are loaded one by one with it are of one chain, though another takes its place meanwhile.
+    """
+    return read_record(skill).get("chain")
 
 
 def _where_else(path: Path) -> str:

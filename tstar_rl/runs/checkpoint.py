@@ -5,7 +5,9 @@ not as it was written is refused by the name of its file: see `checksums`.
 """
 
 import re
-from collections.abc import Mapping
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -98,7 +100,7 @@ def is_checkpoint(path: str | Path) -> bool:
     return any((Path(path) / part).exists() for part in PARTS)
 
 
-def read_record(path: str | Path, **expected: Any) -> dict[str, Any]:
+def read_record(path: str | Path, /, **expected: Any) -> dict[str, Any]:
     """The record of the checkpoint at `path`.
 
     Raises:
@@ -119,26 +121,41 @@ def read_record(path: str | Path, **expected: Any) -> dict[str, Any]:
     return record
 
 
-def load(path: str | Path, components: Mapping[str, Any], **expected: Any) -> dict[str, Any]:
+def load(path: str | Path, components: Mapping[str, Any], /, **expected: Any) -> dict[str, Any]:
     """Restores the components and returns the record, once every file is known to be as it was written.
 
     Raises:
         MissingFileError, DamagedCheckpointError, CheckpointMismatchError: see `read_record`; also a mismatch if the
-            components are not those that were saved.
+            components are not those that were saved, and damaged if a file holds a pickle, which is not read: it could
+            run any code, and no checkpoint that was saved here has one.
     """
     record = read_record(path, **expected)
     files = verify(Path(path))
     try:
-        _SealedCheckpoint(components).load(
-            _place(path), map_location="cpu"
-        )  # a component knows its own device
+        with _no_pickle():
+            _SealedCheckpoint(components).load(
+                _place(path), map_location="cpu"
+            )  # a component knows its own device
     except CheckpointError as error:
+        if isinstance(error.__cause__, FutureWarning):
+            raise DamagedCheckpointError(
+                f"{path} holds pickled data, which could run any code and is in no checkpoint that was saved here: "
+                "nothing of it was read"
+            ) from error
         if isinstance(error.__cause__, UserError):
             raise error.__cause__ from error
         raise CheckpointMismatchError(f"{path} was saved by other code or settings: {error}") from error
     if read_seal(Path(path)) != files:
         raise DamagedCheckpointError(f"{path} was replaced while it was read: read it again")
     return record
+
+
+@contextmanager
+def _no_pickle() -> Iterator[None]:
+    """Makes an error of TensorDict's warning that it is about to read a pickle; torchrl does not let us forbid it."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("error", "TensorDict.load_memmap is loading a pickled", FutureWarning)
+        yield
 
 
 def to_plain(values: Mapping[str, Any] | None) -> dict[str, Any] | None:

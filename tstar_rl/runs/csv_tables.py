@@ -31,7 +31,7 @@ def read_table(path: str | Path) -> pd.DataFrame:
         text = path.read_text()
         if not text.endswith("\n"):
             raise ValueError("its last line has no end" if text else "it is empty")
-        return pd.read_csv(StringIO(text))
+        return pd.read_csv(StringIO(text), float_precision="round_trip")  # rows that stay are not changed
     except ValueError as error:  # a UnicodeDecodeError is one, and so are pandas' errors of reading
         raise LogError(
             f"{path} is damaged ({error}): put it back from a copy, or delete it and run what wrote it again"

@@ -19,7 +19,10 @@ OF_A_RUN = (
     *("first_success.mp4", "first_failure.mp4", "episodes.html"),
 )
 """Tables, films and pictures in the folder of the run's results."""
-OF_CHAINS = ("hand_over.csv", "hand_over_gap.csv", "seams.csv", "exchanged.csv", "exchanged_*.csv")
+OF_CHAINS = (
+    *("hand_over.csv", "hand_over_gap.csv", "seams.csv", "anatomy.csv", "terminal_states_spread.csv"),
+    *("exchanged.csv", "exchanged_*.csv"),
+)
 """Tables in the task's folder, with a row or some for each system and seed."""
 
 

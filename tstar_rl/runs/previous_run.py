@@ -8,7 +8,7 @@ from typing import Any
 from tstar_rl.checks import MissingFileError, NothingToDo
 from tstar_rl.runs.mismatch import CheckpointMismatchError, as_begun, check_config, known_then
 from tstar_rl.runs.run_config import read_config
-from tstar_rl.runs.run_folder import FINISHED, SAVED
+from tstar_rl.runs.run_folder import FINISHED, SAVED, UNFINISHED
 
 __all__ = ["PreviousRun"]
 
@@ -47,12 +47,15 @@ class PreviousRun:
     def check_that_nothing_is_lost(self) -> None:
         """Raises what `start` does where a run without checkpoints has ended, or is here in part.
 
-        In part are its tables alone, or what it trained alone.
+        In part are its tables alone, or what it trained alone. One that was stopped before its end is not lost: a run
+        without checkpoints begins anew.
         """
         if (self.work / FINISHED).is_file():
             self._check_steps()
             self.stop_if_done()
-        if (self.work / "last").is_dir() and not (self.work / FINISHED).is_file():
+        if (self.work / "last").is_dir() and not any(
+            (self.work / name).is_file() for name in (FINISHED, UNFINISHED)
+        ):
             raise MissingFileError(
                 f"{self.work} has what a run trained, last, and neither {FINISHED} nor checkpoints to go on from: copy "
                 f"{FINISHED} there as well, or give another runs_dir (resume=false starts over)"

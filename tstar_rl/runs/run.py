@@ -22,7 +22,7 @@ from tstar_rl.runs.measured import chains_of, forget_measurements
 from tstar_rl.runs.mismatch import MACHINE_ONLY, CheckpointMismatchError, as_begun, known_then
 from tstar_rl.runs.previous_run import PreviousRun
 from tstar_rl.runs.run_config import note_resumed, note_section, read_config, restore_config, write_config
-from tstar_rl.runs.run_folder import FINISHED, SAVED, run_path
+from tstar_rl.runs.run_folder import FINISHED, SAVED, UNFINISHED, run_path
 
 __all__ = ["Run"]
 
@@ -70,6 +70,7 @@ class Run:
         self.calibration = MetricsLog(self.results / "calibration.csv")
         self.timing = MetricsLog(self.work / "timing.csv")
         self._last_save, self._clock = 0, time.perf_counter()
+        self._kept: dict[str, int] = {}
         label = config["system"] if subtask is None else f"{config['system']} {subtask}"
         self.bar = tqdm(
             total=total,
@@ -127,6 +128,7 @@ class Run:
     def _begin_anew(self) -> None:
         """Deletes what is there, and writes the config."""
         self._forget_measurements()
+        (self.work / UNFINISHED).touch()
         (self.work / FINISHED).unlink(missing_ok=True)  # before the rest: what is half deleted is not done
         for name in ("checkpoints", *SAVED):
             remove_folder(self.work / name)
@@ -142,12 +144,14 @@ class Run:
             checkpoint.read_record(found, **begun)
             changed = [section for section in begun if begun[section] != self.record[section]]
             previous.stop_if_done(changed)  # before its tables go back to the checkpoint
-            checkpoint.load(found, self.components, **begun)
+            checkpoint.load(found, self.components, **begun)  # refused here, it leaves all as it is
         except (CheckpointMismatchError, checkpoint.DamagedCheckpointError, LogError) as error:
             raise type(error)(f"{error} (resume=false starts over)") from error
         if changed:
             self._forget_measurements()  # of the run with fewer steps
         (self.work / FINISHED).unlink(missing_ok=True)  # before the rest: until it is done again
+        for name, rows in self._kept.items():
+            getattr(self, name).truncate(rows)
         if not read_config(self.results):
             restore_config(self.results, self.config)
         note_resumed(self.results, self.env_steps)
@@ -199,10 +203,10 @@ class Run:
         }
 
     def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Goes back to where the log stood: rows written since are dropped.
+        """Goes back to where the log stood; rows written since are dropped once all that is resumed has been loaded.
 
         Raises:
-            LogError: if a table has lost rows; none is changed then.
+            LogError: if a table has lost rows.
         """
         rows = {name: int(state.get(name, 0)) for name in LOGS}  # an older version has no calibration
         for name in LOGS:
@@ -210,14 +214,14 @@ class Run:
         self.env_steps, self.seconds = int(state["env_steps"]), float(state["seconds"])
         self._last_save, self.turn = int(state["last_save"]), int(state["turn"])
         self.best.load_state_dict(state)
-        for name in LOGS:
-            getattr(self, name).truncate(rows[name])
+        self._kept = rows
 
     def finish(self) -> None:
         """Closes the bar, notes that the run is complete, gives its folder back, and says where it and its log lie."""
         self.bar.close()
         with replacing(self.work / FINISHED) as partial:
             partial.write_text(json.dumps({"env_steps": self.env_steps, "minutes": self.seconds / 60}))
+        (self.work / UNFINISHED).unlink(missing_ok=True)
         lock.release(self.work)
         lock.release(self.results)
         print(self.work, self.results / "metrics.csv", sep="\n", flush=True)

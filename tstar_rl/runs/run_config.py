@@ -93,13 +93,13 @@ def note_evaluation(folder: Path, config: Mapping[str, Any], rows_stay: bool = F
         config: plain values.
         rows_stay: whether the table keeps rows of an evaluation before. The versions that these came from stay, too.
     """
-    before = read_config(folder)
-    if not before or before.get("evaluation_only"):
-        kept = {name: before[name] for name in ("versions", "later") if rows_stay and name in before}
-        with turn_to_write(folder):
+    with turn_to_write(folder):  # another evaluation, or a training, may begin here too
+        before = read_config(folder)
+        if not before or before.get("evaluation_only"):
+            kept = {name: before[name] for name in ("versions", "later") if rows_stay and name in before}
             _replace(folder, {**config, "evaluation_only": True, "versions": versions(), **kept})
-        if not kept:
-            return
+            if not kept:
+                return
     _note_later(folder, {"what": "evaluated"})
 
 

@@ -16,6 +16,7 @@ __all__ = [
     "SKILLS",
     "SKILLS_TOOK",
     "SPENT",
+    "UNFINISHED",
     "UNTRAINED",
     "Place",
     "check_says_if_trained",
@@ -37,6 +38,9 @@ RECIPES = Path(__file__).resolve().parents[2] / "recipes"
 
 FINISHED = "finished.json"
 """What a run writes when it ends: its steps and minutes."""
+
+UNFINISHED = "unfinished"
+"""An empty file, from when a run begins until it ends: what lies beside it is to be made anew, if nothing goes on."""
 
 SPENT = ("env_steps", "minutes")
 """What a training takes."""
