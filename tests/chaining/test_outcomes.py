@@ -64,7 +64,20 @@ def test_a_trial_without_paths_is_the_same_otherwise(skills, trial):
 
 
 def chain_of(skills: list[Skill]) -> ChainTraining:
-    return ChainTraining(skills, [], None, SimpleNamespace(order="forward"), 1, None, None, None)  # pyright: ignore
+    return ChainTraining(skills, skills, None, SimpleNamespace(order="forward"), 1, None, None, None)  # pyright: ignore
+
+
+@pytest.mark.parametrize("wrong", ["succeeded", "share"])
+def test_outcomes_of_another_shape_are_refused(skills, wrong):
+    given = {"succeeded": torch.ones(3, dtype=torch.bool), "share": torch.ones(3)}
+    given[wrong] = given[wrong].unsqueeze(-1)
+    with pytest.raises(
+        ValueError, match=rf"{wrong} must have a number for each of the 3 states, .*got \(3, 1\)"
+    ):
+        skills[1].outcomes.add(torch.zeros(3, 72), **given)
+    paths = {"steps_left": torch.arange(3), "handed_over": torch.ones(3, 1, dtype=torch.bool)}
+    with pytest.raises(ValueError, match=r"handed_over must have a number for each .*got \(3, 1\)"):
+        skills[1].approaches.add(torch.zeros(3, 72), **paths)
 
 
 def test_a_chain_keeps_failed_starts(skills, trial):

@@ -186,6 +186,8 @@ def test_what_f_learns_hangs_on_the_seed_alone():
     made = skill(1, None)
     learn_outcomes(made, starts, succeeded, LabelledSettings(steps=2, floor=0.02), seed=3)
     assert float(made.network(FEASIBILITY).normalizer.floor) == pytest.approx(0.02)
+    with pytest.raises(ValueError, match="skill 1 has a network feasibility already"):
+        learn_outcomes(made, starts, succeeded, LabelledSettings(steps=2), seed=3)
 
 
 def test_recipes_that_would_run_the_skills_without_recovery_refuse_it(point_chain, tmp_path):

@@ -41,7 +41,7 @@ def test_a_rollout_that_was_not_logged_is_told(point_chain, monkeypatch):
 def test_workers_of_a_cluster_are_never_carried_over():
     skills = [SimpleNamespace(), SimpleNamespace()]
     settings = SimpleNamespace(order="forward", carry_over=True)
-    chain = ChainTraining(skills, [], None, settings, 1, None, None, None)
+    chain = ChainTraining(skills, skills, None, settings, 1, None, None, None)
     workers = Mock(spec=RayCollection)
     chain.kept_by(0).update(collection=workers, update_policy="kept")
     chain.end_turn(0)

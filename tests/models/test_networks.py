@@ -109,6 +109,15 @@ def test_the_encoder_of_policy_and_value_can_be_computed_once():
     assert not list(encoder.parameters())
 
 
+@pytest.mark.parametrize("what", ["normalizer", "features"])
+def test_a_value_network_that_sees_something_else_than_the_policy_is_refused(what):
+    for other in ({}, {what: Normalizer(72) if what == "normalizer" else RelativeFeatures(description())}):
+        one = {what: Normalizer(72) if what == "normalizer" else RelativeFeatures(description())}
+        with pytest.raises(ValueError, match="policy and value must be made with one normaliser and one"):
+            networks.split_encoder(networks.make_policy(72, **one), networks.make_value(72, **other))
+    networks.split_encoder(networks.make_policy(72), networks.make_value(72))
+
+
 @pytest.mark.parametrize("shape", [(0,), (5,), (3, 700), (2, 2, 600)])
 def test_a_network_in_blocks_gives_what_it_gives_at_once(shape):
     network, rows = networks.make_discriminator(72), torch.randn(*shape, 72)

@@ -88,8 +88,14 @@ def test_what_is_logged_and_what_is_refused():
     log = update(torch.randn(4, 72), torch.tensor([1.0, 1.0, 0.0, 1.0]))
     assert log["f_label"] == 0.75 and log["f_states"] == 4 and log.keys() >= {"f_loss", "f_score"}
     assert update(torch.zeros(0, 1), torch.zeros(0)) == {}
-    with pytest.raises(ValueError, match="a label for each observation, got 4 observations and 3 labels"):
-        update(torch.randn(4, 72), torch.ones(3))
+    for labels in (
+        torch.ones(3),
+        torch.ones(4, 1),
+    ):  # which would be compared with every state of a minibatch
+        with pytest.raises(
+            ValueError, match=r"for each observation, \(n,\); got 4 observations and labels \("
+        ):
+            update(torch.randn(4, 72), labels)
 
 
 @pytest.mark.parametrize("deviation", [0.1, 0.4])

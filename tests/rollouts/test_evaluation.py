@@ -66,6 +66,12 @@ def test_run_episodes_gives_the_last_step_of_each_first_episode(make_env, policy
     assert (last["start_observation"][:, 0] <= 0.2).all()
 
 
+def test_episodes_of_no_simulation_are_refused(make_env, policy):
+    env = with_starts(make_env())
+    with pytest.raises(ValueError, match="rows must be true for one simulation at least"):
+        run_episodes(env, policy, rows=torch.zeros(env.batch_size, dtype=torch.bool))
+
+
 def test_policies_are_the_same_with_equal_weights_and_deviations_only():
     first = make_policy(4, 2, hidden=(8,), std="fixed")
     second = copy.deepcopy(first)

@@ -94,6 +94,14 @@ class TestSpirlTraining:
         assert record["env_steps"] == 36 and record["recipe"] == "spirl"
         assert (training.run.work / "finished.json").is_file()
 
+    def test_a_rollout_that_is_not_logged_is_an_error(self, make_env, tmp_path):
+        training = self.make(make_env, tmp_path)
+        rollouts = training.rollouts()
+        next(rollouts)
+        with pytest.raises(RuntimeError, match="must log each rollout"):
+            next(rollouts)
+        assert not (training.run.work / "last").exists()
+
     def test_the_second_stage_draws_the_same_whatever_the_first_drew(self, make_env, tmp_path):
         first, second = (self.make(make_env, tmp_path / name) for name in "ab")
         expected = self.latents(first)

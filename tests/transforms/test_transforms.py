@@ -9,6 +9,7 @@ from torch.testing import assert_close
 from torchrl.envs import Compose, TransformedEnv
 from transform_parts import FixedStarts, Slot
 
+from tstar_rl.chaining.signals import OnceLearned
 from tstar_rl.transforms import (
     ConstantBonus,
     EpisodeStart,
@@ -193,6 +194,7 @@ def test_draws_resume_from_the_state_dict():
         (lambda: TerminalStateReward(Slot(), score="mean"), "'terminal' or 'before', got 'mean'"),
         (lambda: TerminalStateReward(Slot(), baseline="mean"), "'none' or 'running_mean', got 'mean'"),
         (lambda: TerminalStateReward(Slot(), momentum=0.0), r"\(0, 1\], got 0.0"),
+        (lambda: FeasibilityReward(OnceLearned(Slot(), bool)), "a classifier's raw 0 is a chance of .5"),
         (lambda: FeasibilityReward(Slot(), score="mean"), "'terminal' or 'before', got 'mean'"),
         (
             lambda: HandOverValueReward(Slot(), None, -1.0, 1.0),

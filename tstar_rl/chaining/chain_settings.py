@@ -4,7 +4,9 @@ This imports no torch, so that the config's section, which has these values and 
 """
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
+
+from tstar_rl.checks import check_choices, check_ranges
 
 __all__ = ["ChainSettings", "Order"]
 
@@ -33,3 +35,8 @@ class ChainSettings:
     """Whose terminal states are logged, for the paper's Figure 4."""
     logged_states: int
     """How many of a rollout."""
+
+    def __post_init__(self) -> None:
+        check_choices(self, order=get_args(Order), kept_states=("all", "chained"), d_omega_of=("next", "own"))
+        numbers = ("seed_episodes", "path_steps", "logged_skill", "logged_states")
+        check_ranges(self, count=("rounds",), not_negative=numbers)

@@ -14,6 +14,7 @@ from tstar_rl.chaining.skill import Skill
 from tstar_rl.chaining.training import TrainingSettings
 from tstar_rl.chaining.trials import Trial
 from tstar_rl.chaining.turn_order import TurnOrder
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.demonstrations.data_set import Demonstrations
 from tstar_rl.rollouts.collection import Collection
 from tstar_rl.rollouts.ray_collection import RayCollection
@@ -90,6 +91,16 @@ class ChainTraining:
     """States of what a resumed run has not made yet, as "<index>/<name>"."""
 
     def __post_init__(self) -> None:
+        if len(self.experts) != len(self.skills) or self.rollouts < 1:
+            raise InvalidValueError(
+                "a chain needs demonstrations for each skill and a rollout in each turn; got "
+                f"{len(self.skills)} skills, {len(self.experts)} experts and rollouts={self.rollouts}"
+            )
+        if self.settings.order == "costliest" and not self.gate.settings.every_turn:
+            raise InvalidValueError(
+                'order="costliest" needs a trial after every turn: a gate that rejects, or trial_every=1; got '
+                f"{self.gate.settings.trial_every}"
+            )
         self.turn_order = TurnOrder(self.settings.order, len(self.skills))
 
     def save(self, name: str, steps: int) -> None:

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from tstar_rl.chaining.trials import Trial
+from tstar_rl.checks import check_ranges
 
 __all__ = ["Gate", "GateSettings", "Judgement"]
 
@@ -20,6 +21,14 @@ class GateSettings:
     """Turns between trials of the chain, where no gate asks for one after each. If there are fewer turns in all,
     none is run, and no chain is saved as the best. A trial judges the signals of the skill whose turn it follows: where
     this number and that of the skills have a factor in common, some skills' signals are never judged."""
+
+    def __post_init__(self) -> None:
+        check_ranges(self, finite=("margin",), count=("trial_every",))
+
+    @property
+    def every_turn(self) -> bool:
+        """Whether a trial follows every turn."""
+        return self.rejects or self.trial_every == 1
 
 
 @dataclass(frozen=True)

@@ -42,7 +42,7 @@ class RecoverySettings:
     """The arm goes home at random, before each skill as often as F would have sent it among the states that it learned
     from: the control that tells what F knows of a state."""
     patience: int | None = None
-    """When a skill has acted for so many steps since it began, or since the arm was sent home. None: never."""
+    """When a skill has acted for so many steps since it began, or since the arm got home. None: never."""
     most_steps: int = 40
     """Of one way home, after which the skill acts wherever the arm is."""
 
@@ -90,7 +90,14 @@ def learn_outcomes(
         succeeded: (n,) bool, what came of each.
         settings: how it learns.
         seed: of its first weights, minibatches and noise.
+
+    Raises:
+        InvalidValueError: if it has one, which may have learned something else.
     """
+    if FEASIBILITY in skill.networks:
+        raise InvalidValueError(
+            f"skill {skill.subtask} has a network {FEASIBILITY} already: F learns from its first weights on"
+        )
     with generators_stay(skill.initiation_set.device):
         torch.manual_seed(seed)
         network = skill.add_network(FEASIBILITY, settings.floor)
@@ -118,7 +125,7 @@ class _Rows:
 
     subtask: Tensor
     acted: Tensor
-    """Steps of the skill since it began, or since the arm was sent home."""
+    """Steps of the skill since it began, or since the arm got home."""
     left: Tensor
     """Steps that its way home may still take; 0: it is on none."""
     homings: Tensor
@@ -127,6 +134,8 @@ class _Rows:
 
 class RecoveringChain(ChainPolicy):
     """A `ChainPolicy` that also sends the arm home. It remembers each row's episode until one with step_count 0.
+
+    So it is the policy of one environment: another one, of as many simulations, needs one of its own.
 
     Reads "done" and "step_count" too. The first skill begins at home, so that F has no say there.
 

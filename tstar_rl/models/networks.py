@@ -18,6 +18,7 @@ from torch import Tensor, nn
 from torch.nn.functional import softplus
 from torchrl.modules import MLP, IndependentNormal, ProbabilisticActor, ValueOperator
 
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.models.normalizer import Normalizer
 from tstar_rl.models.precision import in_bfloat16
 from tstar_rl.models.relative_features import RelativeFeatures
@@ -181,8 +182,18 @@ def split_encoder(
 
     Returns:
         The encoder, "observation" -> "encoded"; the policy and the value network on "encoded". Parameters are shared.
+
+    Raises:
+        InvalidValueError: if they do not see the same: the value network would learn on the policy's inputs.
     """
     encoder, body = split_policy(policy)
+    seen, valued = (cast(StateInput, each.module) for each in (encoder, cast(TensorDictModule, value[0])))
+    plain = isinstance(seen.normalizer, nn.Identity) and isinstance(valued.normalizer, nn.Identity)
+    if not (plain or seen.normalizer is valued.normalizer) or seen.features is not valued.features:
+        raise InvalidValueError(
+            "policy and value must be made with one normaliser and one RelativeFeatures, or both without: what they "
+            "see of an observation is computed once for both"
+        )
     actor = ProbabilisticTensorDictSequential(body, policy[-1])
     return encoder, actor, cast(TensorDictModule, value[-1])
 

@@ -38,7 +38,12 @@ def run_episodes(
 
     Returns:
         The last step of each episode, batch [N], in the order of the simulations. Rows that do not run mean nothing.
+
+    Raises:
+        InvalidValueError: if no simulation runs.
     """
+    if rows is not None and not rows.any():
+        raise InvalidValueError("rows must be true for one simulation at least: none would run")
     tensordict = env.reset()
     everything = torch.ones(env.batch_size, dtype=torch.bool, device=tensordict.device)
     running = everything if rows is None else rows.clone()

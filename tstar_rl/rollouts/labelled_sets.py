@@ -28,7 +28,11 @@ class OutcomeSet(StateSet):
             starts: observations in which the skill began.
             succeeded: whether it then succeeded.
             share: of the skills from this one to the chain's last, those that were then completed.
+
+        Raises:
+            InvalidValueError: if there is not one of each for each start.
         """
+        _check_one_each(starts, succeeded=succeeded, share=share)
         rows = {"observation": starts, "success": succeeded.float(), "share": share.float()}
         return self.extend(TensorDict(rows, [len(starts)]))
 
@@ -53,7 +57,11 @@ class ApproachSet(StateSet):
             states: observations in an episode of the skill before.
             steps_left: (n,), from each to the episode's end.
             handed_over: (n,) bool, whether that end was one from which this skill succeeded.
+
+        Raises:
+            InvalidValueError: if there is not one of each for each state.
         """
+        _check_one_each(states, steps_left=steps_left, handed_over=handed_over)
         rows = {"observation": states, "steps_left": steps_left, "handed_over": handed_over}
         return self.extend(TensorDict(rows, [len(states)]))
 
@@ -63,3 +71,11 @@ class ApproachSet(StateSet):
             return torch.zeros(0, device=self.device)
         rows = self.buffer[:]
         return proximity_target(rows["steps_left"], rows["handed_over"], decay)
+
+
+def _check_one_each(states: Tensor, **labels: Tensor) -> None:
+    for name, label in labels.items():
+        if label.shape != states.shape[:1]:
+            raise InvalidValueError(
+                f"{name} must have a number for each of the {len(states)} states, (n,); got {tuple(label.shape)}"
+            )

@@ -136,7 +136,7 @@ class SpirlTraining:
         self.run = Run(config, config["subtask"], self.total, unread=CHAINING)
         self.collection = Collection(env, agent.actor, 1)
         self.steps = self.run.start(agent=agent, collection=self.collection, **components)
-        self.is_new = self.steps == 0
+        self.is_new, self._logged = self.steps == 0, True
         if self.is_new:
             torch.manual_seed(seed)
 
@@ -152,19 +152,26 @@ class SpirlTraining:
         """Rollouts (N, 1), one latent of each simulation, until the budget is spent; then closes the run.
 
         Each must be logged with `log` before the next is asked for.
+
+        Raises:
+            RuntimeError: if one was not.
         """
         if self.is_new:
             torch.manual_seed(self.seed)  # what is drawn here does not depend on how the model was trained
         while self.steps < self.total:
             rollout = self.collection.rollout()
             self.steps += int(rollout["next", "latent_steps"].sum())
+            self._logged = False
             yield rollout
+            if not self._logged:
+                raise RuntimeError("a recipe must log each rollout: training.log(rollout, log)")
         self.collection.close()
         self.save("last")
         self.run.finish()
 
     def log(self, rollout: TensorDictBase, log: Mapping[str, float]) -> None:
         """Logs a rollout (N, 1) with its rewards, keeps the agent if it is the best so far, saves if it is time."""
+        self._logged = True
         self.run.log(self.steps, **rollout_metrics(rollout), **log, **self.collection.counts())
         if self.run.best.improved:
             self.save("best")

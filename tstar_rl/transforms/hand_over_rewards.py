@@ -3,6 +3,7 @@
 import torch
 from torch import Tensor, nn
 
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.signal_equations import feasibility, hand_over_value
 from tstar_rl.transforms.terminal_state_reward import TerminalStateReward
 
@@ -14,10 +15,19 @@ class FeasibilityReward(TerminalStateReward):
         classifier: of the *next* skill's outcomes, (..., O) -> (..., 1), raw. Only read.
         **options: `score`, `baseline` and `momentum` of `TerminalStateReward`.
 
+    Raises:
+        InvalidValueError: for what `turn.once_learned` gives, whose 0 before it has learned is a chance of .5.
+
     Source: `signal_equations.feasibility`.
     """
 
     def __init__(self, classifier: nn.Module, **options: str | float) -> None:
+        if hasattr(classifier, "has_learned"):
+            raise InvalidValueError(
+                "a classifier's raw 0 is a chance of .5, so turn.once_learned(...) would be paid before it has "
+                "learned: give turn.following.network(...), and the reward once its update has_learned, as "
+                "recipes/feasibility.py does"
+            )
         super().__init__(classifier, **options)  # pyright: ignore[reportArgumentType]
 
     def said(self, obs: Tensor) -> Tensor:

@@ -31,13 +31,17 @@ class SkillChainReset(Transform):
         starts: read by handle, at every reset, so it may grow meanwhile.
         probability: of a start from `starts`.
         seed: of the transform's own generator, which is part of its state and which `env.set_seed` does not reach:
-            each of several workers needs another, or all draw the same.
+            each of several workers needs another, or all draw the same. TorchRL's `EnvCreator` loads one environment's
+            state into those of all workers, and with it this generator: give workers a function, not an `EnvCreator`.
         goes_on: whether the episodes that the snapshots were taken in go on; by default new ones begin there.
 
     Raises:
         ValueError: if the probability is not in [0, 1]; at a reset, if it is around a `ParallelEnv`, or around
             environments with transforms of their own that TorchRL has not made one with it, or beside another one.
         KeyError: at a step without "start_chained".
+
+    A clone shares generator and counts with it, as clones of TorchRL's transforms share what is no parameter; so an
+    environment for evaluation needs one of its own.
 
     Source: the paper, algorithm 1 line 9; 80% and 20% from its appendix C.
     """

@@ -73,10 +73,10 @@ class LabelledUpdate(SampledUpdate):
         Raises:
             ValueError: if there is not one label for each observation.
         """
-        if len(observations) != len(labels):
+        if labels.shape != observations.shape[:1]:  # of (n, 1) each state would learn the mean of a minibatch
             raise ValueError(
-                f"the update of {self.name} takes a label for each observation, got {len(observations)} observations "
-                f"and {len(labels)} labels"
+                f"the update of {self.name} takes a label for each observation, (n,); got {len(observations)} "
+                f"observations and labels {tuple(labels.shape)}"
             )
         if not len(labels):
             return {}
