@@ -12,7 +12,7 @@ READY := $(VENV)/.ready
 PYTEST := $(BIN)/python -m pytest -n $(CORES) --dist loadfile --no-loadscope-reorder
 DOCS_READY := $(VENV)/.docs-ready
 
-.PHONY: help setup assemble assemble-quick test test-all lint type format bench docs watch clean
+.PHONY: help setup assemble assemble-quick test test-all lint type format shared-lines bench docs watch clean
 
 help:
 	@echo "make assemble        demonstrations, four skills, T-STAR, evaluation, video, curves (SEED=0)"

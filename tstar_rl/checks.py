@@ -67,12 +67,18 @@ def import_extra(module: str, extra: str, why: str) -> Any:
         why: what needs it.
 
     Raises:
-        MissingExtraError: if it is not there.
+        MissingExtraError: if it is not there, or is there and does not work.
     """
     try:
         return import_module(module)
-    except ImportError as error:
+    except ModuleNotFoundError as error:
+        if error.name not in (module, module.partition(".")[0]):
+            raise MissingExtraError(
+                f"{why} needs {module}, which is installed, but not {error.name}"
+            ) from error
         raise _missing(module, extra, why) from error
+    except ImportError as error:
+        raise MissingExtraError(f"{why} needs {module}, which is installed, and fails: {error}") from error
 
 
 def need_extra(module: str, extra: str, why: str) -> None:

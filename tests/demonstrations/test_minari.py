@@ -114,10 +114,26 @@ def test_what_a_kill_left_of_a_data_set_is_removed_and_nothing_of_others(recordi
 def test_a_library_that_is_not_installed_is_named(recording, tmp_path, monkeypatch, missing):
     def without(name):
         if name == missing:
-            raise ImportError(name)
+            raise ModuleNotFoundError(name=name)
         return __import__(name)
 
     monkeypatch.setattr(checks, "import_module", without)
     with pytest.raises(MissingExtraError, match=rf"needs {missing}, which is not installed: .*\[export\]"):
         write_minari(recording, DATASET, tmp_path)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [
+        (ImportError("undefined symbol"), "needs h5py, which is installed, and fails: undefined symbol"),
+        (ModuleNotFoundError(name="mpi4py"), "needs h5py, which is installed, but not mpi4py"),
+    ],
+)
+def test_a_library_that_is_installed_and_does_not_work_is_not_called_missing(monkeypatch, error, said):
+    def fails(name):
+        raise error
+
+    monkeypatch.setattr(checks, "import_module", fails)
+    with pytest.raises(MissingExtraError, match=said):
+        checks.import_extra("h5py", "export", "a file of HDF5")

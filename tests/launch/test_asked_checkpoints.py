@@ -126,7 +126,7 @@ def test_one_skill_of_a_chain_and_a_folder_of_no_run(made):
             ["path=runs/table_lack/tstar/seed1", "task=chair_ingolf"],
             "of task=table_lack, but task=chair_ingolf",
         ),
-        (["path=runs/table_lack"], "a run lies at <task>/<recipe>/seed<k>"),
+        (["path=runs/table_lack"], "a run lies at <task>/<system>/seed<k>"),
         (
             ["path=runs/table_lack/tstar/seed7"],
             "no skill and no chain at runs/table_lack/tstar/seed7/last or .* seed=7",

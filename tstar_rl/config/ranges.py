@@ -65,6 +65,8 @@ LEAST = {
     **{f"growth.{name}": 1 for name in ("steps", "least", "rollouts", "rollout_envs", "rollout_horizon")},
 }
 """Of each whole number, the least it may be. A recipe that has no such key is not asked for it."""
+MOST = dict.fromkeys(("seed", "demonstrations.seed"), 2**32 - 1)
+"""The same, the most: a larger seed would share its draws with another purpose of a smaller one (`seeds`)."""
 KINDS_OF_NUMBERS = {
     "normalizer.floor": "positive",
     "floor": "positive",
@@ -118,6 +120,10 @@ def _check_numbers(values: Mapping[str, Any]) -> None:
         value = find(values, name)
         if value is not None and value < least:
             raise ConfigError(f"{name} must be a whole number from {least}, got {value}")
+    for name, most in MOST.items():
+        value = find(values, name)
+        if value is not None and value > most:
+            raise ConfigError(f"{name} must be a whole number up to {most}, got {value}")
     for name, kind in KINDS_OF_NUMBERS.items():
         value, (said, fits) = find(values, name), RANGES[kind]
         if value is not None and not fits(value):
@@ -150,8 +156,8 @@ def _check_lists(values: Mapping[str, Any]) -> None:
             raise ConfigError(f"{name} must name each once, got {', '.join(given)}")
     seeds = values.get("seeds") or ()
     for seed in seeds:
-        if seed < 0:
-            raise ConfigError(f"seeds must be whole numbers from 0, got {seed}")
+        if not 0 <= seed <= MOST["seed"]:
+            raise ConfigError(f"seeds must be whole numbers from 0 to {MOST['seed']}, got {seed}")
     if len(set(seeds)) < len(seeds):
         raise ConfigError(f"seeds must name each once, got {', '.join(map(str, seeds))}")
     for floor in values.get("floors") or ():

@@ -178,6 +178,11 @@ def _check_chain(values: Mapping[str, Any], name: str) -> None:
         raise ConfigError(
             f"chain.logged_skill must be in 0..{subtasks - 1} for {values['task']['name']}, got {chain['logged_skill']}"
         )
+    if chain["gate"] and chain["trial_every"] != 1:
+        raise ConfigError(
+            f"chain.trial_every must be 1 with chain.gate=true, which judges every turn by a trial; got "
+            f"{chain['trial_every']}: set chain.gate=false as well"
+        )
     if name != "in_order_cloned":  # which learns from no rollout
         rollouts, _ = turn_shape(values)
         warm_up = {**values["ppo"], **chain["ppo"]}.get("critic_warmup", 0)
