@@ -5,7 +5,8 @@ import pytest
 import torch
 
 from tstar_rl.chaining.skill import Skill
-from tstar_rl.chaining.training import SkillTraining, Training
+from tstar_rl.chaining.skill_training import SkillTraining
+from tstar_rl.chaining.training import Training
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.runs import checkpoint
 from tstar_rl.updates import PolicyUpdate

@@ -11,7 +11,8 @@ from torch import nn
 from torchrl.envs import TransformedEnv
 
 from tstar_rl.chaining.skill import Skill
-from tstar_rl.chaining.training import SkillTraining, TrainingSettings
+from tstar_rl.chaining.skill_training import SkillTraining
+from tstar_rl.chaining.training import TrainingSettings
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.demonstrations import load_demonstrations
 from tstar_rl.config.values import plain, settings
