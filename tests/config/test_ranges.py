@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from tstar_rl.checks import InvalidValueError
-from tstar_rl.config import ranges
+from tstar_rl.config.limits import MODES
 from tstar_rl.config.ranges import check_ranges_of
 from tstar_rl.config.unread import MOMENTUM, PAPERS
 from tstar_rl.rollouts import episodes
@@ -38,7 +38,7 @@ def test_a_name_that_is_none_is_told(values, message):
 def test_names_that_are_some_pass():
     lists = {"formats": ["hdf5"], "modes": ["stochastic"], "mode": "stochastic", "kinds": ["noisy"]}
     check_ranges_of({**CONFIG, **lists, "demonstrations": {"kind": "plain", "may_differ": ["snap"]}})
-    assert tuple(episodes.MODES) == ranges.MODES
+    assert tuple(episodes.MODES) == MODES
 
 
 def test_the_momentum_that_is_not_set_is_the_one_that_the_reward_has():

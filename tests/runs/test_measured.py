@@ -23,7 +23,15 @@ def left(folder, name: str) -> list[tuple[str, int]]:
 
 
 def test_a_run_that_begins_anew_takes_its_measurements_with_it(tmp_path):
-    names = ("hand_over", "hand_over_gap", "seams", "anatomy", "terminal_states_spread", "exchanged", "exchanged_other")
+    names = (
+        "hand_over",
+        "hand_over_gap",
+        "seams",
+        "anatomy",
+        "terminal_states_spread",
+        "exchanged",
+        "exchanged_other",
+    )
     measured(tmp_path, *names, "exchanged_chain", "mine")
     run = a_run(tmp_path, resume=False)
     for name in ("evaluation", "moved_parts", "ways_home", "mine"):
