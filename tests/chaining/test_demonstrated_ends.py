@@ -178,7 +178,13 @@ def test_a_second_turn_does_not_clone_over_the_first(asked_by_ones_own, values):
 
 
 def test_where_nothing_is_cloned_skills_have_gates_and_turns(asked):
-    values = ("demonstrated_ends=0.0", "chain.gate=true", "chain.rounds=2", "chain.trial_episodes=4")
+    values = (
+        "demonstrated_ends=0.0",
+        "chain.gate=true",
+        "chain.trial_every=1",
+        "chain.rounds=2",
+        "chain.trial_episodes=4",
+    )
     calls, turns, _ = asked("in_order", *values)
     assert not calls and [index for index, *_ in turns] == [0, 1, 2, 3] * 2
 

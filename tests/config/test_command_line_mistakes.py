@@ -98,7 +98,7 @@ MISTAKES = [
     ("gail_ppo", ["+f_phi.penalty=none"], "f_phi.penalty must be one of zero_at_first, one_between; got 'none'"),
     ("gail_ppo", ["exploration.arm=[-1,0.1]"], "exploration.arm must be positive deviations, got"),
     ("make_demonstrations", ["demonstrations.noise=-1"], "demonstrations.noise must be not negative, got -1"),
-    ("tstar", ["chain.rounds=0"], "chain.rounds must be a whole number from 1, got 0"),
+    ("tstar", ["chain.rounds=0"], "chain.rounds must be at least 1, got 0"),
     ("tstar", ["subtask=1"], "subtask must be null, got 1: tstar is of the whole task; chain.links takes the first sk"),
     ("baselines", ["subtask=1"], "subtask must be null, got 1: baselines is of the whole task; its steps say which"),
     ("make_demonstrations", ["whole=true", "subtask=0"], "whole=true is of the whole task: subtask must be null, got"),

@@ -25,7 +25,7 @@ def test_values_are_those_of_the_command_line():
     [
         (["tstr"], rl.InvalidValueError, "no recipe is called 'tstr': .*; did you mean tstar"),
         (["tstar", "sed=1"], ConfigError, "the config has no sed; .*did you mean seed"),
-        (["tstar", "chain.rounds=0"], ConfigError, "chain.rounds must be a whole number from 1, got 0"),
+        (["tstar", "chain.rounds=0"], ConfigError, "chain.rounds must be at least 1, got 0"),
         (["tstar", "scale=lptop"], ConfigError, "scale must be one of ablation, .*did you mean laptop"),
         (
             ["tstar", "terminal_reward.baseline=running_mean", "terminal_reward.momentum=0.5"],

@@ -94,7 +94,7 @@ def test_what_reads_like_a_value_that_is_not_read_and_is():
             "chain.order=sideways",
             "chain.order must be forward or backward or costliest, got 'sideways'",
         ),
-        ("proximity", "chain.path_steps=-1", "chain.path_steps must be a whole number from 0, got -1"),
+        ("proximity", "chain.path_steps=-1", "chain.path_steps must be not negative, got -1"),
         ("feasibility", "label=successes", "label must be success or share, got 'successes'"),
         ("feasibility", "feasibility.floor=0", "feasibility.floor must be positive, got 0"),
         ("tstar", "chain.gate=success", "chain.gate must be true or false, got 'success'"),

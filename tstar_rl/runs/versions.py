@@ -60,5 +60,10 @@ def commit() -> str:
 
 
 def _git(folder: Path, *command: str) -> str:
-    done = subprocess.run(["git", "--no-optional-locks", "-C", str(folder), *command], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        ["git", "--no-optional-locks", "-C", str(folder), *command],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     return done.stdout.strip()
