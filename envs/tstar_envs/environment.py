@@ -93,7 +93,7 @@ class BatchedEnvironment:
 
     @property
     def max_steps(self) -> int:
-        """Control steps after which an episode is truncated."""
+        """Control steps after which an episode is truncated: of the whole task K times the setting of this name."""
         return self.task.step_limit
 
     @property
@@ -124,7 +124,7 @@ class BatchedEnvironment:
 
     @torch.inference_mode()
     def reset(self, mask: Tensor | None = None) -> None:
-        """Starts new episodes in the simulations of `mask` (N,), by default all.
+        """Starts new episodes in the simulations of `mask` (N,), by default all; of none, nothing changes.
 
         Raises:
             ValueError: `mask` is of another shape or type.
@@ -132,6 +132,8 @@ class BatchedEnvironment:
         """
         failures = self.task.starts.failures
         mask = self._read(mask)
+        if not bool(mask.any()):
+            return
         self._begun.remove(mask)
         try:
             self.task.initialize_episode(self.state, mask)
@@ -271,7 +273,11 @@ class BatchedEnvironment:
 
     def _put(self, snapshot: TensorDict, mask: Tensor) -> None:
         self.physics.set_state(snapshot["physics"], snapshot["welds"], mask)
-        assign(self.state, {name: snapshot["task", name] for name in self.state}, mask)
+        task = {name: snapshot["task", name] for name in self.state}
+        if self.subtask is not None:  # what an episode of one subtask completed, it did from there on
+            since = (task["subtask"] - self.subtask).clamp_min(0)
+            task["completed"] = torch.minimum(task["completed"], since)
+        assign(self.state, task, mask)
         begun = self._check.begun(snapshot)
         self._begun.remove(mask & ~begun)
         self._begun.add(mask & begun)

@@ -33,8 +33,8 @@ def environment_id(furniture: str) -> str:
 def register() -> None:
     """Gives Gymnasium an id for every piece of furniture in the library; those it has are left alone.
 
-    Warns of pieces that get none: where `library.FURTHER` names what is no folder, and of two that would have the same
-    id, such as `stool_1` and `stool1`, of the second.
+    Warns of pieces that get no id: all further ones, if `library.FURTHER` names what is no folder; and the second of
+    two pieces whose ids would be the same, such as `stool_1` and `stool1`.
     """
     try:
         names = library.names()

@@ -20,8 +20,8 @@ MOST = {
 }
 """The largest value of a setting of the start."""
 MOST_STEPS = {"settle_steps": 100_000, "retreat_steps": 10_000, "max_steps": 1_000_000}
-"""Of settings that count steps; beyond that a number is a slip, and an episode takes minutes to begin or to go on,
-or hardly ends."""
+"""Of settings that count steps. A larger number is a typing error: an episode would take minutes to start, or would
+hardly end."""
 AT_LEAST_ONE = ("max_steps", "settle_steps")
 
 

@@ -156,7 +156,10 @@ class SnapshotCheck:
             )
 
     def begun(self, snapshot: TensorDictBase) -> Tensor:
-        """(N,) bool: whether there is an episode, if one that was given up; else joints are as the scene has them."""
+        """(N,) bool: whether an episode was begun; one that was given up counts.
+
+        Before the first reset all joints are where the compiled scene has them.
+        """
         moved = (snapshot["physics"][:, self._qpos] - self._default).abs().amax(-1) > ROUNDING
         return moved | snapshot["task", "failed"]
 

@@ -41,6 +41,27 @@ def test_a_partial_reset_leaves_the_others_untouched():
     assert env.world.state["episode_step"].tolist() == [8, 5, 8]
 
 
+def test_a_partial_reset_says_of_the_others_that_they_have_ended():
+    env = make(max_steps=3)
+    env.reset()
+    for _ in range(3):
+        ended = env.step(still(env))["next"]
+    assert ended["truncated"].all()
+    reset = env.reset(TensorDict({"_reset": torch.tensor([[False], [True], [False]])}, env.batch_size))
+    assert reset["truncated"].flatten().tolist() == reset["done"].flatten().tolist() == [True, False, True]
+    assert not reset["terminated"].any()
+
+
+def test_a_reset_may_be_seeded():
+    env = make(seed=1)
+    first = env.reset(seed=3)["observation"]
+    other = env.reset()["observation"]
+    assert torch.equal(env.reset(seed=3)["observation"], first) and not torch.equal(other, first)
+    assert torch.equal(with_starts(make(seed=2)).reset(seed=3)["observation"], first)
+    with pytest.raises(TypeError, match=r"reset\(\) got an unexpected keyword argument 'sede'; valid: seed"):
+        env.reset(sede=3)
+
+
 def test_what_was_returned_does_not_change_later():
     env = make(snapshots=True)
     outs = [env.reset(), env.step(still(env))["next"]]

@@ -42,6 +42,17 @@ def test_only_resetting_rows_take_an_injected_start():
     assert not torch.equal(moved[1:], start[1:])
 
 
+def test_an_injected_start_counts_once():
+    """In TorchRL's loop by hand one TensorDict goes from reset to step and back."""
+    env = make(2, subtask=1)
+    first = env.reset()["observation"]
+    start = {"snapshot": env.snapshot(), "use": torch.ones(2, 1, dtype=torch.bool)}
+    tensordict = env.reset(TensorDict({"start": start}, [2]))
+    assert torch.equal(tensordict["observation"], first)
+    tensordict = env.step_mdp(env.step(tensordict.update(still(env))))
+    assert not torch.equal(env.reset(tensordict)["observation"], first)
+
+
 def test_an_injected_start_begins_a_new_episode_or_goes_on_with_its_own():
     env = make(2, max_steps=20)
     tensordict, expert = env.reset(), env.expert()

@@ -97,7 +97,7 @@ def test_noise_of_the_expert_that_cannot_be(env, noise):
 @pytest.mark.parametrize("subtask", [-1, 4, 9, None])
 def test_features_of_a_subtask_that_is_not_there(env, subtask):
     with pytest.raises(ValueError, match=rf"subtask of table_lack must be in 0..3, got {subtask}"):
-        env.features(subtask)
+        env.geometry(subtask)
 
 
 def test_an_action_with_nan_names_the_simulation(env):

@@ -110,7 +110,7 @@ def test_features_vanish_where_the_step_is_made(subtask):
     """Grasp error and connector error, as the policy sees them, against the task's own scene."""
     env = FurnitureEnv(CHAIR, 1, subtask=subtask, seed=0, velocity_scale=0.4)
     env.reset()
-    world, features = env.world, RelativeFeatures(env.features(subtask)).double()
+    world, features = env.world, RelativeFeatures(env.geometry(subtask)).double()
     until_held(world)
     out, scene = features(world.observation())[0], world.task.scene(world.state)
     assert_close(out[23:26] * 0.25, scene.moving_connector[0] - scene.target_connector[0], atol=1e-5, rtol=0)

@@ -57,6 +57,15 @@ def test_a_simulation_that_waited_goes_on_as_if_it_had_not():
     assert sorted(at.tolist()) == at.tolist() and 50 < at[0] < at[-1]
 
 
+def test_a_reset_of_no_simulation_changes_nothing():
+    world = make(N, 0, 3)
+    world.reset()
+    before, drawn = world.snapshot(), world.generator.get_state()
+    world.reset(torch.zeros(N, dtype=torch.bool))
+    assert same_rows(world.snapshot(), before, torch.arange(N))
+    assert torch.equal(world.generator.get_state(), drawn)
+
+
 def test_a_step_of_no_simulation_changes_none():
     world = make(N)
     before = world.snapshot()

@@ -184,6 +184,23 @@ def test_ones_own_is_taken_where_an_episode_was_stepped_on_after_its_success():
     assert torch.equal(world.state["subtask"], snapshot["task", "subtask"])
 
 
+def test_ones_own_is_taken_where_an_episode_went_on_from_the_one_before():
+    """What the skill before completed is not this one's: 'completed' counts from the environment's own subtask."""
+    before, world = make(1, 0), make(1, 1)
+    before.reset()
+    expert = before.expert()
+    while not before.state["success"].any():
+        before.step(expert.act(before.state))
+    world.restore(before.snapshot())
+    assert not world.state["completed"].any() and world.state["subtask"].item() == 1
+    expert = world.expert()
+    while world.state["subtask"].item() == 1:
+        world.step(expert.act(world.state))
+    assert world.state["completed"].item() == 1
+    world.restore(world.snapshot())
+    assert world.state["completed"].item() == 1
+
+
 def test_positions_are_of_this_furniture_and_its_quaternions_turn():
     world, other = make(1, 0), make(1, 0, name="table_bjorkudden_0206")
     with pytest.raises(ValueError, match="has shape .*: was it taken of other furniture"):

@@ -15,7 +15,7 @@ from tstar_envs.checks import finite_number, short
 from tstar_envs.environment import BatchedEnvironment
 from tstar_envs.settings import TaskSettings
 from tstar_rl.env import showing
-from tstar_rl.env.specs import DONE_KEYS, furniture_specs
+from tstar_rl.env.specs import furniture_specs
 from tstar_rl.env.task_tables import table_geometry
 
 
@@ -29,6 +29,7 @@ class FurnitureEnv(EnvBase):
 
     `reset` accepts injected starts: `("start", "snapshot")`, batch [N], and `("start", "use")` (N, 1) bool. A new
     episode begins there, at the beginning of a subtask; with `("start", "goes_on")` (N, 1) the snapshot's own goes on.
+    They count once: `reset` takes them out of the TensorDict that it was given. `reset(seed=...)` seeds first.
     This holds for the bare environment: TorchRL's `TransformedEnv` drops such entries of its caller, so through
     transforms `SkillChainReset` is the way.
     `step` accepts TorchRL's `_step` (N,) bool: simulations left out of it stay as they are and are paid 0.
@@ -51,8 +52,6 @@ class FurnitureEnv(EnvBase):
         TypeError: a keyword that is no setting.
         ImportError: the simulator needs the extra `gpu`.
     """
-
-    batch_locked = True  # pyright: ignore[reportAssignmentType]
 
     def __init__(
         self, task: str, num_envs: int = 1, subtask: int | None = None, nthread: int = 0,
@@ -85,12 +84,15 @@ class FurnitureEnv(EnvBase):
 
     @property
     def max_steps(self) -> int:
-        """Control steps after which an episode is truncated."""
+        """Control steps after which an episode is truncated: of the whole task K times the setting of this name."""
         return self.world.max_steps
 
     @property
     def arguments(self) -> dict[str, Any]:
-        """Plain values that build this environment again, less seed and number of simulations."""
+        """Plain values that build this environment again.
+
+        They lack the seed, the number of simulations and threads, the device and its physics, and `snapshots`.
+        """
         return self.world.arguments
 
     @property
@@ -118,7 +120,7 @@ class FurnitureEnv(EnvBase):
         """Snapshots [n] at other joint positions (n, nq), at rest, and which of them are possible, (n,) bool."""
         return self.world.with_qpos(snapshot, qpos)
 
-    def features(self, subtask: int) -> dict[str, Any]:
+    def geometry(self, subtask: int) -> dict[str, Any]:
         """See `task_tables.subtask_geometry`."""
         return table_geometry(self.world.task.tables, subtask)
 
@@ -191,7 +193,13 @@ class FurnitureEnv(EnvBase):
         self.world.task.starts.forget()
         self.world.failures = int(state_dict["failures"])
 
-    def _reset(self, tensordict: TensorDictBase | None = None, **kwargs) -> TensorDictBase:
+    def _reset(
+        self, tensordict: TensorDictBase | None = None, *, seed: int | None = None, **kwargs
+    ) -> TensorDictBase:
+        if kwargs:
+            raise TypeError(f"reset() got an unexpected keyword argument {next(iter(kwargs))!r}; valid: seed")
+        if seed is not None:
+            self._set_seed(seed)
         mask = torch.ones(self.num_envs, dtype=torch.bool, device=self.device)
         if tensordict is not None and "_reset" in tensordict:
             mask = tensordict["_reset"].reshape(self.num_envs)
@@ -202,10 +210,10 @@ class FurnitureEnv(EnvBase):
             injected = mask & use
             if bool(injected.any()):  # first what may be refused
                 self.world.reset_to(start["snapshot"], injected, within)
-        if bool((mask & ~injected).any()):
-            self.world.reset(mask & ~injected)
-        running = torch.zeros(self.num_envs, 1, dtype=torch.bool, device=self.device)
-        return self._observe().update({name: running.clone() for name in DONE_KEYS})
+        self.world.reset(mask & ~injected)
+        if tensordict is not None and "start" in tensordict:
+            tensordict.pop("start")  # else it would be there, and count, at the next reset too
+        return self._observe().update(self._done(~mask))
 
     def _which(self, start: TensorDictBase) -> tuple[Tensor, Tensor]:
         """Which simulations begin in an injected start, (N,), and which of these go on with its episode, (N,)."""
@@ -224,15 +232,22 @@ class FurnitureEnv(EnvBase):
 
     def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
         running = tensordict.get("_step", None)
-        running = running if running is None else running.reshape(self.num_envs)
+        if running is not None:  # after `to`, tensors are elsewhere than the simulations
+            running = running.reshape(self.num_envs).to(self.world.physics.device)
         self.world.step(tensordict["action"], running)
-        terminated, truncated = self.world.task.get_termination(self.world.state)
         out = self._observe()
         reward = self.world.task.get_reward(self.world.state)
         reward = reward if running is None else reward * running
         out.set("reward_env", reward.float().unsqueeze(-1))
-        out.set("terminated", terminated.unsqueeze(-1)).set("truncated", truncated.unsqueeze(-1))
-        return out.set("done", (terminated | truncated).unsqueeze(-1))
+        return out.update(self._done())
+
+    def _done(self, rows: Tensor | None = None) -> dict[str, Tensor]:
+        """The done flags, each (N, 1): false outside of `rows` (N,)."""
+        terminated, truncated = self.world.task.get_termination(self.world.state)
+        flags = {"terminated": terminated, "truncated": truncated, "done": terminated | truncated}
+        if rows is not None:
+            flags = {name: flag & rows.to(flag.device) for name, flag in flags.items()}
+        return {name: flag.unsqueeze(-1) for name, flag in flags.items()}
 
     def _observe(self) -> TensorDict:
         state = self.world.state

@@ -27,7 +27,7 @@ class FurnitureSpecs(NamedTuple):
 def furniture_specs(
     batch_size: torch.Size, num_observations: int, num_subtasks: int, snapshot: TensorDictBase | None
 ) -> FurnitureSpecs:
-    """The specs of a furniture environment, on the CPU but for those of its snapshots.
+    """The specs of a furniture environment, on the CPU; the environment moves them.
 
     Args:
         batch_size: [N].

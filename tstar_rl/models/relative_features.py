@@ -55,7 +55,7 @@ class RelativeFeatures(nn.Module):
     - [80:89] tanh of the hand's nine cosines over 0.1: those that should vanish are seen to a degree.
 
     Args:
-        features: of one subtask, from `FurnitureEnv.features(subtask)`: moving_part, target_part (index of the
+        features: of one subtask, from `FurnitureEnv.geometry(subtask)`: moving_part, target_part (index of the
             part in the observation); moving_connector, target_connector, grasp: (7,) position in m and quaternion
             (w, x, y, z) in their part's frame (a connector's up axis is z, its forward axis y; the grasp's x axis is
             the direction in which the fingers close); allowed_angles: (R,) rad about the target's up axis.

@@ -34,7 +34,7 @@ class SpirlAgent:
         subtask: 0-based; None for the whole task.
         settings: of the latent model.
         obs_dim: O, the numbers in an observation of the task.
-        geometry: what `FurnitureEnv.features(subtask)` gives, if the networks are to see `RelativeFeatures`.
+        geometry: what `FurnitureEnv.geometry(subtask)` gives, if the networks are to see `RelativeFeatures`.
     """
 
     def __init__(

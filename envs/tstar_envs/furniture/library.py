@@ -14,6 +14,7 @@ from typing import Any
 
 import yaml
 
+from tstar_envs.checks import short
 from tstar_envs.furniture.errors import FurnitureError, did_you_mean
 from tstar_envs.furniture.fields import Fields, refuse_odd_names
 from tstar_envs.furniture.schema import (
@@ -209,8 +210,13 @@ def _connector(name: str, part: str, fields: Fields) -> Connector:
 
 def _turns(fields: Fields) -> tuple[float, ...]:
     """The allowed turns about the up axis, rad; the word `any` where a round part fits however it is turned."""
-    if fields.get("allowed_degrees", None) == "any":
+    value = fields.get("allowed_degrees", None)
+    if value == "any":
         return ANY_TURN
+    if isinstance(value, str):
+        raise FurnitureError(
+            f"{fields.at('allowed_degrees')}: got {short(value)}, expected a list of numbers, or the word any"
+        )
     return tuple(math.radians(x) for x in fields.numbers("allowed_degrees", None, default=(0.0,)))
 
 

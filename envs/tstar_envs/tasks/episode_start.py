@@ -85,8 +85,9 @@ class EpisodeStarts:
                 return
             self.failures += failed
         raise StartError(
-            f"{failed} simulations failed while their parts settled, {TRIES} times each: the settings of the start "
-            f"(part_noise, jitter, drop_height) or the furniture's initial poses ask for what cannot be"
+            f"{self.tables.name}, subtask {subtask}: {failed} simulations failed while their parts settled, {TRIES} "
+            "times each: the settings of the start (part_noise, jitter, drop_height) or the furniture's initial poses "
+            "ask for what cannot be"
         )
 
     def _lay_out(self, mask: Tensor, subtask: int) -> Tensor:

@@ -113,7 +113,7 @@ def test_unknown_furniture_is_told_the_nearest_name():
         ),
         (
             lambda d: put(d, "parts", "side", "connectors", "seat", "allowed_degrees", "all"),
-            r"parts.side.connectors.seat.allowed_degrees: got 'all', expected a list of numbers",
+            r"parts.side.connectors.seat.allowed_degrees: got 'all', expected a list of numbers, or the word any$",
         ),
         (
             lambda d: put(d, "steps", 0, "grip_angle", [0, 0, -2]),

@@ -68,8 +68,10 @@ def test_the_command_tells_what_mujoco_does_not_take(table, capsys):
 def test_a_start_in_which_nothing_settles_is_told(table, monkeypatch, capsys, tmp_path):
     monkeypatch.setattr("tstar_envs.physics.cpu.CpuPhysics.settle", lambda self, mask, substeps: mask)
     assert main(["check", str(table()), "--picture", str(tmp_path / "look.png")]) == 1
+    said = capsys.readouterr().out
     assert (
-        "WRONG     20 simulations failed while their parts settled, 10 times each" in capsys.readouterr().out
+        "WRONG     my_table, subtask 0: 20 simulations failed while their parts settled, 10 times each"
+        in said
     )
 
 
