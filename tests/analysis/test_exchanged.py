@@ -1,11 +1,15 @@
 """What the first skill's ends and the second's taking over add, on numbers made by hand."""
 
 import math
+import re
 
 import pandas as pd
 import pytest
+from published_runs import THEIRS, contents
 
-from tstar_rl.analysis.exchanged import exchange_effects
+from tstar_rl.analysis.exchanged import effects_of_seeds, exchange_effects
+from tstar_rl.analysis.figures import effects_figure
+from tstar_rl.analysis.page import results_page
 from tstar_rl.checks import InvalidValueError
 
 
@@ -29,6 +33,11 @@ def test_two_effects_by_hand_over_two_seeds():
     assert found.p_value["taking over"] == pytest.approx(1.0)
     assert (found.seeds == 2).all() and (found.subtask == 1).all()
     assert found.low["ends"] < 0.25 < found.high["ends"] and found.verdict["ends"] == "no clear difference"
+    by_seed = effects_of_seeds(pd.DataFrame(one + other)).pivot(
+        index="seed", columns="effect", values="value"
+    )
+    assert by_seed["ends"].tolist() == pytest.approx([0.2, 0.3])
+    assert by_seed["taking over"].tolist() == pytest.approx([0.1, -0.1])
 
 
 def test_what_all_seeds_show_is_higher():
@@ -49,6 +58,7 @@ def test_a_seed_whose_first_skill_hands_nothing_over_is_left_out():
     rows.loc[(rows.seed == 1) & (rows.handed_by == "before"), "handed"] = 0
     found = exchange_effects(rows).set_index("effect")
     assert (found.seeds == 1).all() and found.value["ends"] == pytest.approx(0.2)
+    assert effects_of_seeds(rows)["seed"].unique().tolist() == [0]
     rows["handed"] = 0
     assert exchange_effects(rows.assign(taken=0)).empty
 
@@ -75,3 +85,21 @@ def test_rows_of_two_chains_and_a_seed_without_all_cells_are_refused():
     lacking = rows + seam(1, after_after=90, before_after=70, after_before=80)
     with pytest.raises(InvalidValueError, match="skill 1 needs 4 rows of each seed; not so: 1$"):
         exchange_effects(pd.DataFrame(lacking))
+
+
+def test_the_page_has_them_as_a_table_and_as_dots(published, tmp_path):
+    one = seam(3, after_after=90, before_after=70, after_before=80, before_before=60)
+    other = seam(4, after_after=80, before_after=40, after_before=80, before_before=60)
+    pd.DataFrame(one + other).to_csv(published / "odd.csv", index=False)
+    odd = {"folder": "odd", "kind": "experiment", "exchanged": "odd.csv"}
+    contents(published, [odd, {"folder": "plain", "kind": "paper"}])
+    page = results_page(published, THEIRS, "")
+    assert "#### Skills exchanged" in page and "odd_table_exchanged.png" in page
+    assert re.search(
+        r"\| skill 1 to skill 2 \| 2 \| \+0\.250 \[[^|]+\] \| no clear difference \| [+-]0\.000 \[", page
+    )
+    rows = pd.DataFrame(one + other)
+    figure = effects_figure(exchange_effects(rows), effects_of_seeds(rows), {"ends": "the first's ends"})
+    (axes,) = figure.axes
+    dots = [line.get_xdata().tolist() for line in axes.lines if line.get_marker() == "o"]
+    assert dots[0] == pytest.approx([0.2, 0.3]) and axes.get_title() == "the first's ends"

@@ -57,10 +57,25 @@ def test_a_difference_may_be_of_another_experiment(published):
         for arm, progress in (("later", ours), ("sooner", theirs)):
             write(root, "even", arm, seed, progress)
     (root / "even" / "README.md").write_text("# Even chains\n")
-    beside = {"beside": {"even": ["later", "sooner"]}}
-    _, differences = shown(**beside, differences={"there": ["later", "sooner"]}).headline.figure().axes
-    (dots,) = (line.get_xdata().tolist() for line in differences.lines if line.get_marker() == "o")
-    assert dots == [1.0, 0.25]
+    found = shown(
+        differences={"here": ["tstar", "buffer"], "there": ["later", "sooner"]}, beside={"there": "even"}
+    )
+    _, differences = found.headline.figure().axes
+    dots = [line.get_xdata().tolist() for line in differences.lines if line.get_marker() == "o"]
+    assert dots == [[0.25, 0.5], [1.0, 0.25]]
+
+
+def test_two_experiments_may_have_an_arm_of_one_name(published):
+    root, shown = published
+    write(root, "even", "tstar", 3, 0.125)
+    write(root, "even", "sooner", 3, 0.0)
+    (root / "even" / "README.md").write_text("# Even chains\n")
+    found = shown(differences={"there": ["tstar", "sooner"]}, beside={"there": "even"})
+    arms, differences = found.headline.figure().axes
+    assert next(line.get_xdata().tolist() for line in differences.lines if line.get_marker() == "o") == [
+        0.125
+    ]
+    assert [text.get_text() for text in arms.texts] == ["0.88", "0.50"]
 
 
 def test_the_page_draws_it_into_one_file(published, tmp_path):
@@ -78,18 +93,17 @@ def test_the_page_draws_it_into_one_file(published, tmp_path):
         ({"differences": ["tstar"]}, "headline.differences must be"),
         ({"margin": "small"}, "headline.margin must be a number, got 'small'"),
         ({"beside": None}, "headline.beside must be"),
-        ({"task": "chair"}, "no rows of buffer, tstar"),
+        ({"task": "chair"}, "needs a seed of chair that tstar and buffer of .*odd both have"),
+        ({"task": "chair", "differences": {}}, "no rows of buffer, tstar"),
         ({"arms": {"mine": "mine"}}, "no rows of mine; there are buffer, tstar"),
-        ({"differences": {"one": ["tstar", "mine"]}}, "have no seed in common"),
         (
-            {"beside": {"even": ["later"]}, "differences": {"one": ["later", "tstar"]}},
-            "'one' is of later and tstar, arms of two experiments",
+            {"differences": {"one": ["tstar", "mine"]}},
+            "headline: 'one' needs a seed of table that tstar and mine of .*odd both have",
         ),
         (
-            {"beside": {"odd": ["tstar"]}, "differences": {}},
-            "headline: tstar of .*odd must be an arm of it and of no other",
+            {"beside": {"another": "odd"}},
+            "headline: beside names 'another', which is none of its differences: 'what it adds'",
         ),
-        ({"beside": {"odd": ["mine"]}}, "headline: mine of .*odd must be an arm of it and of no other"),
     ],
 )
 def test_mistakes_are_named(published, changed, message):

@@ -38,6 +38,7 @@ def test_the_pages_and_the_readme_are_what_the_published_tables_say():
 QUOTED = [
     "d_omega: tstar_no_gate - buffer_bonus_no_gate", "further_training: tstar_no_gate - no_finetuning",
     "further_training: buffer_no_gate - no_finetuning", "recovery: recover_always - no_finetuning",
+    "exchanged: ends", "exchanged: taking over",
     "input_floor: floored - no_finetuning", "input_floor: tstar - no_finetuning",
     "d_omega: tstar_no_gate - buffer_bonus_no_gate",
     "further_training: tstar_no_gate - buffer_bonus_no_gate", "further_training: tstar_no_gate - buffer_no_gate",
@@ -57,6 +58,7 @@ QUOTED = [
     "feasibility_costliest - buffer_costliest", "narrow_skills: tstar - buffer_bonus",
     "sampled: buffer_costliest - buffer", "sampled: tstar_costliest - tstar", "sampled: floored - no_finetuning",
     "sampled: refitted - no_finetuning", "from_scratch: floored - no_finetuning", "floored - no_finetuning",
+    "sampled terminal_state_regularisation: floored - no_finetuning",
     "terminal_state_regularisation chair_ingolf: floored - no_finetuning",
     "terminal_state_regularisation chair_ingolf: floored - floored_01",
     "input_floor chair_ingolf: floored - no_finetuning",
@@ -65,6 +67,8 @@ QUOTED = [
     "in_order_demonstrated - in_order",
     "wider_starts_costliest - tstar", "wider_starts_costliest - gaussian", "wider_starts_costliest - buffer_costliest",
     "in_order_demonstrated - tstar", "in_order_demonstrated - gaussian",
+    "tstar - buffer", "further_training: tstar_no_gate - buffer_no_gate",
+    "d_omega: tstar_no_gate - buffer_bonus_no_gate",
     "recovery: recover_always - no_finetuning",
     "in_order_cloned - gaussian", "no_finetuning_jittered - no_finetuning", "gaussian - no_finetuning_jittered",
     "gaussian - no_finetuning", "in_order - tstar", "buffer_costliest - buffer", "tstar_costliest - tstar",
@@ -87,6 +91,12 @@ QUOTED = [
     "further_training: gaussian_tsr_no_gate - gaussian_bonus_no_gate",
     "further_training: tstar_paper_schedule_no_gate - tstar_no_gate",
     "d_omega: tstar_no_gate - buffer_bonus_no_gate", "exchanged: ends", "exchanged: taking over",
+    "feasibility_costliest - buffer_costliest", "feasibility_share_costliest - buffer_costliest",
+    "hand_over_value_costliest - buffer_costliest", "proximity_costliest - buffer_costliest",
+    "scar_like_costliest - buffer_costliest", "tstar_between_costliest - buffer_costliest",
+    "tstar_between - buffer_bonus", "further_training: buffer - buffer_no_gate",
+    "hard_starts_costliest - buffer_costliest", "buffer_costliest - buffer", "narrow_skills: buffer_costliest - tstar",
+    "wider_starts_costliest - buffer_costliest",
     "feasibility_costliest - buffer_costliest", "in_order_demonstrated - in_order_cloned",
 ]  # fmt: skip
 """The arms of each difference with an interval in the notes, in their order; the last two are the README's own.

@@ -20,9 +20,11 @@ def test_an_experiment_has_arms_comparisons_and_its_commit(published):
     page = results_page(published, THEIRS, "Found.\n\nMore.")
     odd, plain = page.split("## Odd chains\n\nOf skills that are odd.\n")[1].split("\n## Plain: chains")
     assert "All runs come from commit ccccccc." in odd
-    # T-STAR: the mean of .75 and .5; its skills do all of their own starts, so the gap is 1 - .625.
+    # T-STAR: the mean of .75 and .5; its skills do all of their own starts, so the gap is 1 - .625, and Student's
+    # interval of .25 and .5 with one degree of freedom 12.71 times .125 wide to each side. Best is as last.
     assert re.search(
-        r"\| T-STAR \| 2 \| 0\.625 \[0\.\d\d, 0\.\d\d\] .*\| 0\.75 0\.50 \| - \| 1\.000 \| 0\.375 \|", odd
+        r"\| T-STAR \| 2 \| 0\.625 \[0\.\d\d, 0\.\d\d\] .*\| 0\.75 0\.50 \| - \| 0\.625 \| 1\.000 \| 0\.375 \+- 1\.59",
+        odd,
     )
     assert "| buffer starts, every turn kept | 2 | 0.378 [" in odd
     # The seeds differ by .25 and .245; four pairs of seeds: three wins and a tie.
@@ -116,7 +118,9 @@ def test_the_turns_of_an_experiment_by_hand(published):
         )
         rows.to_csv(place / f"buffer_no_gate/seed{seed}/metrics.csv", index=False)
     page = results_page(published, THEIRS, "")
-    assert "| T-STAR | 2 | 2 | 0.625 | 0.50 | 0.80 | 0.08 | 0.60M |" in page
+    assert (
+        "| T-STAR | 2 | 2 | 0.625 | 0.50 | 0.80 | 0.08 | 0.60M |" in page
+    )  # one seed has a kept turn's: no interval
     assert "| buffer starts, every turn kept | 2 | 2 | 0.625 | 0.50 | - | - | 0.60M |" in page
     drawn = draw_page(published, THEIRS, published / "figures")
     for name in ("odd_table_rise.png", "odd_table_costs.png"):
@@ -153,12 +157,12 @@ def test_an_arm_may_have_no_gap_and_a_rule_for_better_shows_what_decides(publish
     asked = {"asks": "Better?", "pairs": [["tstar", "buffer_no_gate"]], "seeds": 2, "improvement": 0.95}
     odd = {"folder": "odd", "kind": "experiment", "pairs": asked["pairs"], "families": [asked["pairs"]]}
     contents(published, [{**odd, "questions": [asked]}, {"folder": "plain", "kind": "paper"}])
-    assert "| 1.000 | 0.375 |" in results_page(published, THEIRS, "")
+    assert "| 1.000 | 0.375 +- 1.59 |" in results_page(published, THEIRS, "")
     contents(
         published, [{**odd, "questions": [asked], "no_gap": ["tstar"]}, {"folder": "plain", "kind": "paper"}]
     )
     page = results_page(published, THEIRS, "")
-    assert "| 0.75 0.50 | - | - | - |" in page and "| 1.000 | 0.375 |" not in page
+    assert "| 0.75 0.50 | - | 0.625 | - | - |" in page and "| 1.000 | 0.375" not in page
     assert re.search(r"\| Better\? \| \+0\.247 \[.*\], improvement 0\.88, p = 0\.006 \| \*\*not shown", page)
 
 

@@ -60,7 +60,7 @@ def test_the_readme_has_what_the_notes_begin_with_and_its_tables(published):
     head = results_head(published, THEIRS, notes)
     lead = "Found [so](docs/results.md#so).\n\n![Drawn.](docs/figures/a.png) [Site](https://a.b)"
     assert head.startswith(f"{lead}\n\n| chain |") and "ore" not in head
-    assert re.search(r"\| T-STAR \| 0\.625 \[[^|]+\| 0\.625 \[[^|]+\| 0\.375 \| 2 \|", head)
+    assert re.search(r"\| T-STAR \| 0\.625 \[[^|]+\| 0\.625 \[[^|]+\| 0\.375 \+- 1\.59 \| 2 \|", head)
     assert "| buffer starts, every turn kept |" in head
 
 
@@ -80,6 +80,15 @@ def test_goals_and_who_reaches_them_by_hand(published):
     assert other in shown and other not in results_head(published, THEIRS, "<!-- goals: odd: tstar -->")
     with pytest.raises(ValueError, match="table has no arm bc; it has"):
         results_head(published, THEIRS, "<!-- goals: odd: bc -->")
+
+
+def test_systems_of_two_experiments_stand_beside_the_papers(published):
+    shown = results_head(published, THEIRS, "<!-- beside the paper: odd: plain -->").splitlines()
+    # T-STAR makes .75 and .5, and in the other experiment 1: mean .75, Student's half 4.303 times .25 / sqrt 3.
+    assert (
+        shown[2] == "| T-STAR | 0.90 +- 0.07 | 87% | 0.75 +- 0.62 | 0.75 +- 0.62 | 0.75 +- 0.62 | 3 | 0.50M |"
+    )
+    assert shown[3].startswith("| buffer starts, every turn kept | - | - | 0.38 +- ") and len(shown) == 4
 
 
 def test_the_readme_has_less_than_the_pages_lead(published):

@@ -14,6 +14,8 @@ def test_the_page_says_how_long_an_episode_is_and_how_often_the_arm_goes_home(pu
     header, row = (
         next(line for line in odd.splitlines() if line.startswith(begin)) for begin in ("| arm |", "| rec")
     )
-    assert header.endswith("| environment steps | steps of an episode (mean) | ways home in it (mean) |")
+    assert header.endswith(
+        "| environment steps, without trials | steps of an episode (mean) | ways home in it (mean) |"
+    )
     assert row.endswith("| 0.50M | 404 | 1.75 |")
     assert "ways home" not in plain

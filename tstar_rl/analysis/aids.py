@@ -1,5 +1,6 @@
 """What each aid of a skill's training is worth: arms that leave one out, beside one that has them all."""
 
+import math
 from collections.abc import Collection
 from dataclasses import dataclass
 
@@ -49,7 +50,11 @@ def worth_of_aids(rule: Aids, rows: pd.DataFrame) -> pd.DataFrame:
             without, complete = both[arm], both[rule.all_aids]
             differences = (without - complete).to_numpy()
             half = student_half(differences)
-            line = {"seeds": len(both), "difference": differences.mean() if len(both) else 0.0, "half": half}
+            line = {
+                "seeds": len(both),
+                "difference": differences.mean() if len(both) else math.nan,
+                "half": half,
+            }
             lines[subtask, str(arm)] = {**line, "answer": _answer(rule, without, complete, line)}
     index = pd.MultiIndex.from_tuples(lines, names=["subtask", "arm"])
     return pd.DataFrame(list(lines.values()), index=index)

@@ -7,7 +7,7 @@ from tstar_rl.analysis.differences import Difference, difference_of
 from tstar_rl.analysis.statistics import RESAMPLES, Array, resampled_means, seed_means
 from tstar_rl.checks import InvalidValueError
 
-__all__ = ["EFFECTS", "exchange_effects"]
+__all__ = ["EFFECTS", "effects_of_seeds", "exchange_effects"]
 
 SEED = 0
 """Of the bootstrap."""
@@ -51,6 +51,27 @@ def exchange_effects(table: pd.DataFrame) -> pd.DataFrame:
             lines.append(
                 {"subtask": subtask, "effect": effect, **found._asdict(), "verdict": found.verdict()}
             )
+    return pd.DataFrame(lines)
+
+
+def effects_of_seeds(table: pd.DataFrame) -> pd.DataFrame:
+    """The effects of each seed, whose means over seeds are those of `exchange_effects`.
+
+    Args:
+        table: see `exchange_effects`.
+
+    Returns:
+        Columns subtask (of the second skill), effect, seed and value.
+    """
+    lines = []
+    for (subtask, seed), rows in table.groupby(["subtask", "seed"]):
+        if rows["handed"].min() == 0:
+            continue
+        of_cells = rows.set_index(["handed_by", "taken_by"])
+        success = [of_cells.loc[cell, "taken"] / of_cells.loc[cell, "handed"] for cell in CELLS]
+        for effect, signs in EFFECTS.items():
+            value = sum(sign / 2 * share for sign, share in zip(signs, success, strict=True))
+            lines.append({"subtask": subtask, "effect": effect, "seed": seed, "value": value})
     return pd.DataFrame(lines)
 
 

@@ -5,7 +5,9 @@ from collections.abc import Iterable
 
 import pandas as pd
 
-__all__ = ["AUC", "SPREAD", "kept_turns", "steps_of_trials", "tried_turns", "turn_table"]
+from tstar_rl.analysis.differences import student_half
+
+__all__ = ["AUC", "SPREAD", "kept_turns", "signal_turns", "steps_of_trials", "tried_turns", "turn_table"]
 
 AUC, SPREAD = "_auc", "_sd"
 """Endings of the columns that say how well a signal's scores tell whether the next skill then succeeded, and by how
@@ -55,7 +57,8 @@ def turn_table(metrics: pd.DataFrame, task: str) -> pd.DataFrame:
         all trials: of an arm that rises early it is higher at the same end), kept (share of tried turns that the gate
         kept), trial_steps (see `steps_of_trials`), auc and spread (of the scores of the arm's signal, over the turns
         that were kept; auc of those alone after which the next skill both succeeded and failed; nan where nothing
-        signals, or several signals were judged, for which see `calibration.calibration_of_arms`).
+        signals, or several signals were judged, for which see `calibration.calibration_of_arms`) and auc_half (of
+        Student's 95% interval over seeds).
     """
     rows, steps, lines = tried_turns(metrics, task), steps_of_trials(metrics, task), {}
     if rows.empty:
@@ -64,13 +67,46 @@ def turn_table(metrics: pd.DataFrame, task: str) -> pd.DataFrame:
         seeds = mine.groupby("seed")
         line = {"seeds": len(seeds), "trials": seeds.size().mean()}
         line["trial_progress"] = seeds["trial_progress"].mean().mean()
-        line["kept"] = _mean_over_seeds(mine, ["accepted"])
+        line["kept"] = float(_of_seeds(mine, ["accepted"]).mean())
         line["trial_steps"] = steps.get(arm, math.nan)
         kept = kept_turns(mine)
         for name, ending in (("auc", AUC), ("spread", SPREAD)):
-            line[name] = _mean_over_seeds(kept, [column for column in mine if str(column).endswith(ending)])
+            of_seeds = _of_seeds(kept, [column for column in mine if str(column).endswith(ending)])
+            line[name] = float(of_seeds.mean())
+            line[f"{name}_half"] = student_half(of_seeds.to_numpy())
         lines[str(arm)] = line
     return pd.DataFrame.from_dict(lines, orient="index").rename_axis("arm")
+
+
+def signal_turns(metrics: pd.DataFrame, task: str) -> pd.DataFrame:
+    """A row for each turn of a task's chains and each signal that was held against what the next skill then did.
+
+    Args:
+        metrics: see `tried_turns`.
+        task: see `tried_turns`.
+
+    Returns:
+        Columns arm, signal, seed, skill and round (from 0), kept (not put back by a gate), auc (nan where all outcomes
+        were alike) and spread.
+    """
+    rows, found = tried_turns(metrics, task), []
+    for column in [name for name in rows if str(name).endswith(AUC)]:
+        signal = str(column).removesuffix(AUC)
+        spread = rows.get(f"{signal}{SPREAD}", pd.Series(math.nan, rows.index))
+        mine = pd.DataFrame(
+            {
+                "arm": rows["recipe"],
+                "signal": signal,
+                "seed": rows["seed"],
+                "skill": rows["skill"].astype(int),
+                "round": rows["round"].astype(int) if "round" in rows else 0,
+                "kept": (rows["accepted"] != 0) if "accepted" in rows else True,
+                "auc": rows[column],
+                "spread": spread,
+            }
+        )
+        found.append(mine[mine["auc"].notna() | mine["spread"].notna()])
+    return pd.concat(found, ignore_index=True) if found else pd.DataFrame()
 
 
 def kept_turns(rows: pd.DataFrame) -> pd.DataFrame:
@@ -83,7 +119,8 @@ def _chains(metrics: pd.DataFrame, task: str) -> pd.DataFrame:
     return metrics[(metrics["task"] == task) & (metrics["subtask"] == -1)]
 
 
-def _mean_over_seeds(rows: pd.DataFrame, columns: Iterable[str]) -> float:
-    """Mean over seeds of the mean over turns of the one column that an arm has; nan if it has none, or several."""
+def _of_seeds(rows: pd.DataFrame, columns: Iterable[str]) -> pd.Series:
+    """Of each seed, the mean over turns of the one column that an arm has; empty if it has none, or several."""
     there = [name for name in columns if name in rows and rows[name].notna().any()]
-    return float(rows.groupby("seed")[there[0]].mean().mean()) if len(there) == 1 else math.nan
+    found = rows.groupby("seed")[there[0]].mean() if len(there) == 1 else pd.Series(dtype=float)
+    return found.dropna()

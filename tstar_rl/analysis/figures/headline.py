@@ -2,17 +2,18 @@
 
 from collections.abc import Mapping, Sequence
 from textwrap import fill
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from tstar_rl.analysis.experiments import arm_table, compare_arms
+from tstar_rl.analysis.experiments import arm_table
 from tstar_rl.analysis.figures.arms import draw_dots, draw_interval, name_rows
 from tstar_rl.analysis.figures.panels import COLOURS, panels
 
-__all__ = ["headline_figure"]
+__all__ = ["DrawnDifference", "headline_figure"]
 
 DOTS = {"color": COLOURS[0], "marker": "o"}
 """One style for all arms: a row's name says which it is."""
@@ -20,19 +21,29 @@ WIDTH = 28
 """Letters of a line of a row's name."""
 
 
+class DrawnDifference(NamedTuple):
+    """A row of the right half of the figure."""
+
+    words: str
+    by_seed: pd.Series
+    """First arm less second, of each seed that both have."""
+    found: pd.Series
+    """The row of `experiments.compare_arms`."""
+
+
 def headline_figure(
-    rows: pd.DataFrame, arms: Mapping[str, str], differences: Mapping[str, Sequence[str]], margin: float
+    rows: pd.DataFrame, arms: Mapping[str, str], differences: Sequence[DrawnDifference], margin: float
 ) -> Figure:
     """Progress of the arms on the left, paired differences on the right. A dot is a seed.
 
     Args:
         rows: see `experiments.arm_table`.
         arms: names of the arms that are drawn, from top to bottom, and what each is called.
-        differences: what each is called, and its two arms: first minus second, on the seeds that both have.
+        differences: from top to bottom.
         margin: a difference smaller than this does not matter; drawn as a band about 0.
 
     Raises:
-        ValueError: for an arm without rows, or two arms without a seed in common.
+        ValueError: for an arm without rows.
     """
     missing = sorted(set(arms) - set(rows["arm"]))
     if missing:
@@ -41,7 +52,7 @@ def headline_figure(
         )
     figure, (axes,) = panels(1, 2, (11, 1.4 + 0.42 * max(len(arms), len(differences))))
     _draw_arms(axes[0], rows, arms)
-    _draw_differences(axes[1], rows, differences, margin)
+    _draw_differences(axes[1], differences, margin)
     return figure
 
 
@@ -58,21 +69,15 @@ def _draw_arms(axes: Axes, rows: pd.DataFrame, arms: Mapping[str, str]) -> None:
     axes.set_title("A dot is a seed; bar: interquartile mean, 95%", fontsize=9)
 
 
-def _draw_differences(
-    axes: Axes, rows: pd.DataFrame, differences: Mapping[str, Sequence[str]], margin: float
-) -> None:
-    by_seed = rows.pivot_table(index="seed", columns="arm", values="progress", observed=True)
-    found = compare_arms(rows, differences.values())
-    if len(found) < len(differences):
-        raise ValueError(f"two arms of {list(differences.values())} have no seed in common")
+def _draw_differences(axes: Axes, differences: Sequence[DrawnDifference], margin: float) -> None:
     axes.axvspan(-margin, margin, color="0.92", zorder=0)
     axes.axvline(0, color="black", linewidth=0.8)
-    for place, (_, row) in enumerate(found.iterrows()):
-        draw_dots(axes, (by_seed[row["first"]] - by_seed[row["second"]]).dropna(), place, DOTS)
+    for place, (_, by_seed, row) in enumerate(differences):
+        draw_dots(axes, by_seed, place, DOTS)
         mean, half = row["difference"], row["t_half"]
         ends = {"_low": np.fmin(row["low"], mean - half), "_high": np.fmax(row["high"], mean + half)}
         draw_interval(axes, pd.Series({"": mean, **ends}), "", place)
-    _name(axes, list(differences))
+    _name(axes, [each.words for each in differences])
     axes.set_xlabel("difference in progress, same seed")
     axes.set_title(f"Bar: mean, the wider 95% interval; grey: less than {margin:g}", fontsize=9)
 

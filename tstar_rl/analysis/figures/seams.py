@@ -1,13 +1,17 @@
 """Who mended the seams of chains: the skill that hands over, or the one that takes over."""
 
+from collections.abc import Mapping
+
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from tstar_rl.analysis.differences import outer_ends
+from tstar_rl.analysis.figures.arms import draw_dots, draw_interval, name_rows
 from tstar_rl.analysis.figures.panels import message, panels, readable
 
-__all__ = ["exchanged_figure"]
+__all__ = ["effects_figure", "exchanged_figure"]
 
 VERSIONS = ("before", "after")
 COLOURS = {"before": "0.6", "after": "C0"}
@@ -43,6 +47,34 @@ def _panel(axes: Axes, rows: pd.DataFrame, seeds: list[int]) -> None:
                 "linewidth": 0.9,
             }
             axes.plot([places[str(version)] for version in own.index], own, label=f"seed {seed}", **style)
+
+
+def effects_figure(effects: pd.DataFrame, by_seed: pd.DataFrame, words: Mapping[str, str]) -> Figure:
+    """What either skill of each seam adds to the second one's success: a panel for each effect, a dot for each seed.
+
+    Args:
+        effects: of `exchanged.exchange_effects`.
+        by_seed: of `exchanged.effects_of_seeds`.
+        words: the effects that are shown, from left to right, and what each is called.
+    """
+    seams = sorted(set(effects["subtask"]))
+    figure, (line,) = panels(
+        1, len(words), (4.2 * len(words), 1.3 + 0.6 * len(seams)), sharex=True, sharey=True
+    )
+    for axes, (effect, said) in zip(line, words.items(), strict=True):
+        axes.axvline(0, color="black", linewidth=0.8)
+        for place, seam in enumerate(seams):
+            dots, found = (
+                each[(each["subtask"] == seam) & (each["effect"] == effect)] for each in (by_seed, effects)
+            )
+            draw_dots(axes, dots["value"], place, {"color": "C0", "marker": "o"})
+            mean = float(found["value"].iloc[0])
+            low, high = outer_ends(mean, *(float(found[name].iloc[0]) for name in ("low", "high", "t_half")))
+            draw_interval(axes, pd.Series({"": mean, "_low": low, "_high": high}), "", place)
+        axes.set_title(said, fontsize=9)
+        axes.set_xlabel("the second skill succeeds more often by", fontsize=8)
+        name_rows(axes, [f"skill {seam} hands over to {seam + 1}" for seam in seams], fontsize=8)
+    return figure
 
 
 def exchanged_figure(table: pd.DataFrame) -> Figure:

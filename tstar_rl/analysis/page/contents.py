@@ -57,6 +57,8 @@ class Entry:
     """Declared before the experiment ran: the arm with all aids of training, and when one counts as needed."""
     late_trials: int | None = None
     """Declared before the experiment ran: the round, counted from 1, whose trial the last one is compared with."""
+    exchanged: Path | None = None
+    """A table of `recipes/exchanged.py` of two of its arms, all of its seeds, one task."""
     figure_arms: tuple[str, ...] = ()
     """Arms whose profiles and costs are drawn, where all would not be told apart; none named: all."""
     sections: tuple[str, ...] | None = None
@@ -138,6 +140,7 @@ def _kept_back(given: Any, file: Path) -> set[str]:
 
 AS_WRITTEN: dict[str, Any] = {
     "folder": str,
+    "exchanged": str,
     "kind": Literal["experiment", "single_policies", "paper", "ablations"],
     "commits": Literal["one", "several"],
     "questions": tuple[dict[str, Any], ...],
@@ -159,6 +162,7 @@ def _entry(root: Path, one: Any) -> Entry:
     check(one, Entry, where, AS_WRITTEN)
     parse: dict[str, Callable[[Any], Any]] = {
         "folder": lambda name: root / name,
+        "exchanged": lambda name: root / name,
         "pairs": _pairs,
         "families": lambda families: tuple(map(_pairs, families)),
         "questions": lambda asked: tuple(_question(each, where) for each in asked),

@@ -16,6 +16,7 @@ from tstar_rl.analysis.page.calibration import draw_calibration
 from tstar_rl.analysis.page.choices import draw_choices
 from tstar_rl.analysis.page.contents import Entry, read_contents
 from tstar_rl.analysis.page.costs import draw_costs
+from tstar_rl.analysis.page.exchanged import draw_exchanged
 from tstar_rl.analysis.page.experiment import draw_experiment
 from tstar_rl.analysis.page.markdown import Paper, picture
 from tstar_rl.analysis.page.over_tasks import draw_over_tasks
@@ -92,6 +93,7 @@ def draw_page(root: Path, paper: Paper, figures: Path) -> list[Path]:
             for task in filter(entry.has_section, experiment.tasks):
                 found += draw_costs(experiment, metrics, named, entry, task, figures)
                 found += draw_turns(experiment, metrics, named, task, entry.prefix, figures)
+                found += draw_exchanged(entry, task, figures)
                 found += draw_choices(experiment, named, entry, task, figures)
                 found += draw_calibration(entry.folder, metrics, named, task, entry.prefix, figures)
         found += _draw_runs(entry, figures)

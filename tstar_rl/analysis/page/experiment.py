@@ -1,13 +1,13 @@
 """An experiment as a part of the page: its arms with intervals, its comparisons and its questions."""
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Hashable
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from tstar_rl.analysis.differences import holm, outer_ends
+from tstar_rl.analysis.differences import holm, outer_ends, student_half
 from tstar_rl.analysis.experiments import Experiment, arm_table, check_arms, compare_arms
 from tstar_rl.analysis.figures import arms_figure, differences_figure, save_figure
 from tstar_rl.analysis.gaps_of_runs import hand_over_gaps
@@ -29,8 +29,14 @@ from tstar_rl.runs.run_folder import is_untrained
 
 __all__ = ["answers", "arms", "comparison_table", "comparisons", "draw_experiment", "short_table"]
 
-ARMS = "Every seed is a dot, with interquartile mean and 95% interval; right: the share of seeds above a progress."
-PAIRS = "Differences in progress on the same seed."
+ARMS = (
+    "{title}, `{task}`, last checkpoints. Left: progress; middle: success of the whole task; a dot is a seed, a black "
+    "bar the interquartile mean with its 95% interval. Right: the share of seeds above a progress."
+)
+PAIRS = (
+    "{title}, `{task}`: differences in progress on the same seed, a dot for each. Below them the mean with its "
+    "bootstrap interval, black, and Student's, grey."
+)
 HOMINGS = "homings"
 """The column of evaluation.csv that chains with recovery have."""
 FEW = 4
@@ -50,9 +56,9 @@ def ordered(experiment: Experiment, paper: Paper, task: str, mode: str = "determ
 
 
 def _gap(gaps: pd.DataFrame, arm: str, rows: pd.DataFrame, entry: Entry) -> list[str]:
-    """Product of the skills' own success and gap, mean over seeds; a star where the skills are not the arm's own.
+    """Product of the skills' own success and gap, means over seeds; a star where the skills are not the arm's own.
 
-    Where some seeds have none, it says how many have.
+    The gap has half of Student's 95% interval. Where some seeds have none, it says how many have.
     """
     mine = gaps[gaps["arm"] == arm]
     if mine["gap"].isna().all() or arm in entry.no_gap:
@@ -61,20 +67,23 @@ def _gap(gaps: pd.DataFrame, arm: str, rows: pd.DataFrame, entry: Entry) -> list
     star = "" if as_they_are or mine["fine_tuned"].all() else " \\*"
     known = mine["gap"].notna().sum()
     of = f" ({known} of {len(mine)} seeds)" if known < len(mine) else ""
-    return [f"{mine['product'].mean():.3f}{of}", f"{mine['gap'].mean():z.3f}{of}{star}"]
+    half = student_half(mine["gap"].dropna().to_numpy())
+    ends = "" if math.isnan(half) else f" +- {half:.2f}"
+    return [f"{mine['product'].mean():.3f}{of}", f"{mine['gap'].mean():z.3f}{ends}{of}{star}"]
 
 
 def arms(experiment: Experiment, paper: Paper, entry: Entry, task: str) -> str:
     """The table of the arms of a task, and their figure."""
     rows, sampled = (ordered(experiment, paper, task, mode) for mode in ("deterministic", "stochastic"))
     gaps, noisy = hand_over_gaps(experiment, task), arm_table(sampled)
+    best = arm_table(experiment.chosen(task, "best"))
     lines, starred = [], False
     for arm, row in arm_table(rows).iterrows():
         mine = rows[rows["arm"] == arm]
         line = [arm_label(paper, str(arm)), f"{row['seeds']:.0f}"]
         line += [interval_of(row, name) for name in ("progress", "success")]
         line.append(" ".join(f"{value:.2f}" for value in mine["progress"]))
-        line.append(f"{noisy.loc[arm, 'progress']:.3f}" if arm in noisy.index else NOTHING)
+        line += [_of(noisy, arm), _of(best, arm)]
         gap = _gap(gaps, str(arm), mine, entry)
         starred = starred or gap[1].endswith("\\*")
         lines.append([*line, *gap, millions(mine["env_steps"].mean()), *_way(mine, rows)])
@@ -85,13 +94,20 @@ def arms(experiment: Experiment, paper: Paper, entry: Entry, task: str) -> str:
         "success [95%]",
         "progress of each seed",
         "sampled actions: progress",
+        "best checkpoint: progress",
         "product of its skills (mean)",
-        "hand-over gap (mean)",
-        "environment steps",
+        "hand-over gap (mean, Student's 95%)",
+        "environment steps, without trials",
         *(["steps of an episode (mean)", "ways home in it (mean)"] if HOMINGS in rows else []),
     ]
     found = table(header, lines)
-    return f"{picture(ARMS, f'{entry.prefix}{task}_arms')}\n{found}{STARRED if starred else ''}"
+    said = ARMS.format(title=entry.title, task=task)
+    return f"{picture(said, f'{entry.prefix}{task}_arms')}\n{found}{STARRED if starred else ''}"
+
+
+def _of(levels: pd.DataFrame, arm: Hashable) -> str:
+    """The progress of an arm that `levels` may lack."""
+    return f"{levels.loc[arm, 'progress']:.3f}" if arm in levels.index else NOTHING
 
 
 def _way(mine: pd.DataFrame, rows: pd.DataFrame) -> list[str]:
@@ -128,7 +144,11 @@ def short_table(
         )
     starred = STARRED if any("\\*" in line[-2] for line in lines) else ""
     return (
-        table(["chain", "progress [95%]", "success [95%]", "hand-over gap (mean)", "seeds"], lines) + starred
+        table(
+            ["chain", "progress [95%]", "success [95%]", "hand-over gap (mean, Student's 95%)", "seeds"],
+            lines,
+        )
+        + starred
     )
 
 
@@ -202,7 +222,8 @@ def _p_words(value: float) -> str:
 def comparisons(experiment: Experiment, paper: Paper, entry: Entry, task: str) -> str:
     """The table of the compared pairs of a task, and their figure; nothing if none shares a seed."""
     found = comparison_table(experiment, paper, entry, task)
-    return f"{picture(PAIRS, f'{entry.prefix}{task}_differences')}\n{found}" if found else ""
+    said = PAIRS.format(title=entry.title, task=task)
+    return f"{picture(said, f'{entry.prefix}{task}_differences')}\n{found}" if found else ""
 
 
 def draw_experiment(experiment: Experiment, paper: Paper, entry: Entry, figures: Path) -> list[Path]:

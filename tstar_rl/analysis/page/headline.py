@@ -8,8 +8,8 @@ from typing import Any
 import pandas as pd
 from matplotlib.figure import Figure
 
-from tstar_rl.analysis.experiments import read_experiment
-from tstar_rl.analysis.figures import headline_figure
+from tstar_rl.analysis.experiments import compare_arms, read_experiment
+from tstar_rl.analysis.figures import DrawnDifference, headline_figure
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.check import check
 
@@ -20,7 +20,7 @@ AS_WRITTEN: dict[str, Any] = {
     "folder": str,
     "arms": dict[str, str],
     "differences": dict[str, tuple[str, str]],
-    "beside": dict[str, tuple[str, ...]],
+    "beside": dict[str, str],
 }
 """The types of fields in the file, where `Headline` has other ones."""
 
@@ -37,32 +37,37 @@ class Headline:
     """Names of arms, and what each is called here."""
     differences: Mapping[str, tuple[str, str]]
     """What each is called; the first arm minus the second."""
-    beside: Mapping[Path, tuple[str, ...]] = field(default_factory=dict)
-    """Arms of other experiments that differences are of. Seeds are paired by number, so each difference has both arms
-    from one experiment."""
+    beside: Mapping[str, Path] = field(default_factory=dict)
+    """Differences that are of another experiment, and its folder: seeds are paired by number, so both arms of a
+    difference are of one experiment."""
 
     def figure(self) -> Figure:
         """Of the last checkpoints; see `headline_figure`.
 
         Raises:
-            InvalidValueError: for an arm that two experiments have, or that the one that is said to have it lacks; for
-                a difference of arms of two experiments.
+            InvalidValueError: for what is beside and no difference, and for a difference of which its experiment has no
+                seed.
         """
-        whose = {arm: folder for folder, arms in self.beside.items() for arm in arms}
-        for words, (one, other) in self.differences.items():
-            if whose.get(one) != whose.get(other):
-                raise InvalidValueError(
-                    f"headline: {words!r} is of {one} and {other}, arms of two experiments"
-                )
+        if unknown := sorted(set(self.beside) - set(self.differences)):
+            raise InvalidValueError(
+                f"headline: beside names {unknown[0]!r}, which is none of its differences: "
+                f"{', '.join(map(repr, self.differences))}"
+            )
         rows = read_experiment(self.folder).chosen(self.task)
-        for folder, arms in self.beside.items():
-            others = read_experiment(folder).chosen(self.task)
-            if wrong := [arm for arm in arms if arm in set(rows["arm"]) or arm not in set(others["arm"])]:
-                raise InvalidValueError(
-                    f"headline: {', '.join(wrong)} of {folder} must be an arm of it and of no other"
-                )
-            rows = pd.concat([rows, others[others["arm"].isin(arms)]], ignore_index=True)
-        return headline_figure(rows, self.arms, self.differences, self.margin)
+        found = [self._difference(words, rows) for words in self.differences]
+        return headline_figure(rows, self.arms, found, self.margin)
+
+    def _difference(self, words: str, rows: pd.DataFrame) -> DrawnDifference:
+        """A row of the right half; `rows` are those of the figure's own experiment."""
+        folder, pair = self.beside.get(words, self.folder), self.differences[words]
+        of = rows if folder == self.folder else read_experiment(folder).chosen(self.task)
+        found = compare_arms(of, [pair])
+        if found.empty:
+            raise InvalidValueError(
+                f"headline: {words!r} needs a seed of {self.task} that {' and '.join(pair)} of {folder} both have"
+            )
+        by_seed = of.pivot_table(index="seed", columns="arm", values="progress", observed=True)
+        return DrawnDifference(words, (by_seed[pair[0]] - by_seed[pair[1]]).dropna(), found.iloc[0])
 
 
 def parse_headline(root: Path, values: Mapping[str, Any]) -> Headline:
@@ -78,7 +83,7 @@ def parse_headline(root: Path, values: Mapping[str, Any]) -> Headline:
     """
     check(values, Headline, "headline", AS_WRITTEN)
     differences = {words: (str(one), str(other)) for words, (one, other) in values["differences"].items()}
-    beside = {root / folder: tuple(map(str, arms)) for folder, arms in values.get("beside", {}).items()}
+    beside = {words: root / folder for words, folder in values.get("beside", {}).items()}
     return Headline(
         **{**values, "folder": root / values["folder"], "differences": differences, "beside": beside}
     )

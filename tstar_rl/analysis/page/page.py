@@ -10,12 +10,14 @@ from pathlib import Path
 from tstar_rl.analysis.experiments import Experiment, read_experiment
 from tstar_rl.analysis.page import experiment as parts
 from tstar_rl.analysis.page import sections, skills
+from tstar_rl.analysis.page.beside_the_paper import beside_the_paper
 from tstar_rl.analysis.page.calibration import calibration
 from tstar_rl.analysis.page.choices import choice_table
 from tstar_rl.analysis.page.commits import commits
 from tstar_rl.analysis.page.contents import Entry, read_contents
 from tstar_rl.analysis.page.costs import costs
 from tstar_rl.analysis.page.drawing import curves
+from tstar_rl.analysis.page.exchanged import exchanged
 from tstar_rl.analysis.page.goals import goal_table
 from tstar_rl.analysis.page.late_trials import trials_over_time
 from tstar_rl.analysis.page.markdown import Paper, anchor
@@ -99,8 +101,8 @@ def _filled(notes: str, entries: Iterable[Entry], paper: Paper) -> str:
     """The notes with the tables that they ask for.
 
     `<!-- table: <folder> -->` is one, `<!-- table: <folder>: <arm>, <arm> -->` has these arms alone, and so has
-    `goals`; `readings` and `seams` have two. In the place of `table` there are also `comparisons`, `answers`,
-    `choices`, and of several tasks `over all tasks`, each with all arms.
+    `goals`; `readings` and `seams` have two, and `beside the paper` has other experiments. In the place of `table`
+    there are also `comparisons`, `answers`, `choices`, and of several tasks `over all tasks`, each with all arms.
 
     Raises:
         InvalidValueError: for a folder that is no experiment, an arm that it does not have, a table that would be
@@ -108,6 +110,7 @@ def _filled(notes: str, entries: Iterable[Entry], paper: Paper) -> str:
     """
     experiments = {entry.folder.name: entry for entry in entries if entry.kind == "experiment"}
     chosen = {"table": parts.short_table, "goals": goal_table, "readings": readings, "seams": seams}
+    chosen["beside the paper"] = beside_the_paper
     written = {"comparisons": parts.comparison_table, "answers": parts.answers, "choices": choice_table}
 
     def fill(found: re.Match[str]) -> str:
@@ -177,6 +180,7 @@ def _experiment(entry: Entry, paper: Paper) -> str:
             leads["Costs"] = costs(metrics, task, entry.prefix)
             leads["Turns"] = turns(metrics, paper, task, entry.prefix)
             leads["Calibration"] = calibration(entry.folder, metrics, paper, task, entry.prefix)
+            leads["Skills exchanged"] = exchanged(entry, task)
             leads["Later trials"] = trials_over_time(metrics, paper, task, entry.late_trials)
         leads["What the skills hand over"] = sections.hand_over(entry.folder, task, paper, entry.prefix)
         leads["What each aid is worth"] = skills.aids(entry.aids, evaluations, paper, task)

@@ -51,7 +51,7 @@ def _worth(found: pd.Series | None) -> list[str]:
         return [NOTHING, NOTHING]
     value, half = float(found["difference"]), float(found["half"])
     ends = f"{value:+.3f}" if math.isnan(half) else signed_interval(value, value - half, value + half)
-    return [ends, f"**{found['answer']}**"]
+    return [NOTHING if math.isnan(value) else ends, f"**{found['answer']}**"]
 
 
 def skills(evaluations: pd.DataFrame, task: str) -> str:

@@ -2,24 +2,34 @@
 
 import math
 from pathlib import Path
+from textwrap import fill
 
 import pandas as pd
 
 from tstar_rl.analysis.experiments import Experiment
-from tstar_rl.analysis.figures import rise_figure, save_figure
+from tstar_rl.analysis.figures import rise_figure, save_figure, signals_figure
+from tstar_rl.analysis.figures.panels import readable
 from tstar_rl.analysis.page.markdown import NOTHING, Paper, arm_label, arm_order, millions, picture, table
-from tstar_rl.analysis.turns import turn_table
+from tstar_rl.analysis.turns import signal_turns, turn_table
 
 __all__ = ["draw_turns", "turns"]
 
 RISE = "Progress of the chain in the trials that follow turns. A thin line is a seed, a thick one their mean."
+TOLD = (
+    "How well each signal told whether the next skill then succeeded (AUC), and by how much its scores differed, by "
+    "seam. A dot is a turn of a seed, hollow where it was put back; a bar the mean over seeds of turns that were kept, "
+    "with Student's 95% interval."
+)
 
+WIDTH = 34
+"""Letters of a line beside the figure."""
 SAID = """\
 Means over seeds. Progress is that of the chain that goes on, in the trials after its turns: of two arms with the same
 end, the one that rose earlier has more. AUC: how well the signal that paid a skill tells whether the next one then
-succeeded (.5: nothing), over the turns that were kept and after which it both succeeded and failed; spread: the
-deviation of its scores over all turns that were kept; neither is shown of an arm with several signals. Steps of trials:
-in the runs published so far they are without the episodes of a chain before its first turn (chain.seed_episodes).
+succeeded (.5: nothing), with half of Student's 95% interval over seeds, over the turns that were kept and after which
+it both succeeded and failed; spread: the deviation of its scores over all turns that were kept; neither is shown of an
+arm with several signals. Steps of trials: in the runs published so far they are without the episodes of a chain before
+its first turn (chain.seed_episodes).
 """
 
 
@@ -34,7 +44,7 @@ def turns(metrics: pd.DataFrame, paper: Paper, task: str, prefix: str) -> str:
         numbers = [
             f"{row['trial_progress']:.3f}",
             _share(row["kept"]),
-            _share(row["auc"]),
+            _share(row["auc"]) + ("" if math.isnan(row["auc_half"]) else f" +- {row['auc_half']:.2f}"),
             _share(row["spread"]),
         ]
         line = [arm_label(paper, arm), f"{row['seeds']:.0f}", f"{row['trials']:.0f}", *numbers]
@@ -48,7 +58,9 @@ def turns(metrics: pd.DataFrame, paper: Paper, task: str, prefix: str) -> str:
         "AUC of the signal",
         "its spread",
     ]
-    return f"{picture(RISE, _file(task, prefix))}\n{SAID}\n{table([*header, 'steps of trials'], rows)}"
+    shown = f"{picture(RISE, _file(task, prefix))}\n{SAID}\n{table([*header, 'steps of trials'], rows)}"
+    told = signal_turns(metrics, task)
+    return shown if told.empty else f"{shown}\n{picture(TOLD, _told(task, prefix))}"
 
 
 def draw_turns(
@@ -58,12 +70,31 @@ def draw_turns(
     if turn_table(metrics, task).empty:
         return []
     labels = {arm: arm_label(paper, arm) for arm in arm_order(paper, experiment.chosen(task)["arm"])}
-    path = figures / f"{_file(task, prefix)}.png"
-    return [save_figure(rise_figure(metrics, task, labels), path)]
+    found = [save_figure(rise_figure(metrics, task, labels), figures / f"{_file(task, prefix)}.png")]
+    told = signal_turns(metrics, task)
+    if len(told):
+        figure = signals_figure(*_named(told, paper))
+        found.append(save_figure(figure, figures / f"{_told(task, prefix)}.png"))
+    return found
+
+
+def _named(turns: pd.DataFrame, paper: Paper) -> tuple[pd.DataFrame, dict[str, str]]:
+    """The turns, each arm and signal under one name, and what each is called: by its arm, unless that has several."""
+    labels = {}
+    for arm in arm_order(paper, turns["arm"]):
+        signals = turns.loc[turns["arm"] == arm, "signal"].unique()
+        for signal in signals:
+            words = arm_label(paper, arm) + (f": {readable(signal)}" if len(signals) > 1 else "")
+            labels[f"{arm} {signal}"] = fill(words, WIDTH)
+    return turns.assign(signal=turns["arm"] + " " + turns["signal"]), labels
 
 
 def _file(task: str, prefix: str) -> str:
     return f"{prefix}{task}_rise"
+
+
+def _told(task: str, prefix: str) -> str:
+    return f"{prefix}{task}_signals"
 
 
 def _share(value: float) -> str:
