@@ -10,7 +10,8 @@ warm start, and `bare_train` the bare simulator on the controls of that very loo
 `tstar.py`, see `bench_chain.py`. `single_*` is one simulation in a front, on random actions. `*_seconds` is what a user
 waits for, see `bench_start.py`. `assemble_minutes` is what assemble.py last took from nothing. `ratio_to_bare` is
 against the bare simulator under the same policy, see `BARE`.
-`gpu_*`, where there is a GPU: see `bench_device.py`.
+`gpu_*`, where there is a GPU: see `bench_device.py`. A row says of which task and scale it is, and replaces the one of
+the same task, scale and measure.
 """
 
 import math
@@ -58,6 +59,8 @@ BARE = {
 """The bare simulator under the same policy, of each measure where it is not `bare` (random actions)."""
 OWN = ("bench", "subtask", "training")
 """Sections and keys that are not passed on: a chain has its own subtasks and number of simulations."""
+KEY = ("task", "scale", "measure")
+"""Columns of bench.csv of which no two rows have the same values."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +92,7 @@ class BenchSection:
 @recipe("bench", bench=BenchSection)
 def main(config: DictConfig) -> None:
     """Measures, prints and writes <results_dir>/bench.csv."""
-    given = passed_on(OWN)
+    given, scale = passed_on(OWN), chosen_scale()
     rates: dict[str, list[float]] = {}
     here = [name for name in config.bench.measures if name != GPU]
     for name in tqdm(here, disable=not config.progress_bar):
@@ -99,10 +102,11 @@ def main(config: DictConfig) -> None:
                 rates.setdefault(measure, []).append(rate)
     path = Path(config.results_dir) / "bench.csv"
     waits = start_rows(given) if config.bench.starts else ()
-    write([*rows_of(rates), *waits, *assemble_row(config, chosen_scale(), given)], path)
+    rows, of = [*rows_of(rates), *waits, *assemble_row(config, scale, given)], {"task": config.task.name}
+    write([{**of, "scale": scale, **row} for row in rows], path)
     for row in on_a_gpu(HydraConfig.get().overrides.task) if GPU in config.bench.measures else ():
         print(row)
-        append_rows(path, [row], ("measure",))  # at once: the largest number may not fit
+        append_rows(path, [{**of, "scale": GPU, **row}], KEY)  # at once: the largest number may not fit
     print(path)
 
 
@@ -162,7 +166,7 @@ MEASURES = {
 }
 """Names that `bench.measures` may have, beside `GPU`, and what yields rates of them, in environment steps a second."""
 GPU = "gpu"
-"""The name of the rows of `on_a_gpu`, which has a scale and units of its own."""
+"""The name of the rows of `on_a_gpu`, which have units of their own, and of their scale."""
 
 
 def _environment(config: DictConfig, seed: int):
@@ -173,7 +177,7 @@ def _environment(config: DictConfig, seed: int):
 def on_a_gpu(given: Sequence[str]) -> Iterator[dict[str, Any]]:
     """The rows of a GPU, where there is one: at its own scale, with the other values that were given."""
     own = compose(
-        "recipe/bench", ["scale=gpu", *(value for value in given if not value.startswith("scale="))]
+        "recipe/bench", [f"scale={GPU}", *(value for value in given if not value.startswith("scale="))]
     )
     if not (torch.cuda.is_available() and own.device.startswith("cuda")):
         print(
@@ -224,9 +228,9 @@ def assemble_row(config: DictConfig, scale: str, given: Sequence[str]) -> Iterat
 
 
 def write(rows: Sequence[dict[str, Any]], path: Path) -> None:
-    """Writes the rows in the place of those of the same measures, and prints the table."""
-    columns = ["measure", "value", "unit", "ratio_to_bare"]
-    table = append_rows(path, pd.DataFrame(rows, columns=columns).to_dict("records"), ("measure",))
+    """Writes the rows in the place of those of the same task, scale and measure, and prints the table."""
+    columns = [*KEY, "value", "unit", "ratio_to_bare"]
+    table = append_rows(path, pd.DataFrame(rows, columns=columns).to_dict("records"), KEY)
     if not table.empty:
         print(table.to_string(index=False))
 

@@ -5,7 +5,8 @@
 Every row is measured in processes of its own: `setup_seconds` until the first observation, then random actions, resets
 and all; `megabytes` is the largest resident memory of all its processes together, what Python and torch take included.
 `load` is the machine's load average as the measurement began: it should be near zero. `growth_memory.csv` is the
-largest resident memory of one training's collection after a number of rollouts. It should be flat.
+largest resident memory of one training's collection after a number of rollouts. It should be flat. Its rows of a task
+and scale are all of one process: a later run replaces them together.
 """
 
 import os
@@ -31,6 +32,7 @@ from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.build import environment, make_collection, new_skill
 from tstar_rl.config.load import recipe
 from tstar_rl.config.values import CONFIGS
+from tstar_rl.launch.overrides import chosen_scale
 from tstar_rl.runs.csv_tables import append_rows
 from tstar_rl.seeds import derive_seed
 
@@ -61,14 +63,14 @@ class GrowthSection:
 
 @recipe("bench_growth", growth=GrowthSection)
 def main(config: DictConfig) -> None:
-    """Measures and writes <results_dir>/growth.csv and growth_memory.csv, each row as soon as it is there."""
+    """Measures and writes <results_dir>/growth.csv and growth_memory.csv; a row of the first as soon as it is there."""
     given, folder = list(HydraConfig.get().overrides.task), Path(config.results_dir)
+    of = {"task": config.task.name, "scale": chosen_scale()}
     plan = [(size, *parts) for size in config.growth.sizes for parts in PARTS if size >= parts[0]]
     for size, processes, threads in tqdm(plan, disable=not config.progress_bar):
-        row = measured(given, size, processes, threads)
-        append_rows(folder / "growth.csv", [row], ("num_envs", "processes", "threads"))
-    for row in memory(config):
-        append_rows(folder / "growth_memory.csv", [row], ("rollouts",))
+        row = of | measured(given, size, processes, threads)
+        append_rows(folder / "growth.csv", [row], (*of, "num_envs", "processes", "threads"))
+    append_rows(folder / "growth_memory.csv", [of | row for row in memory(config)], tuple(of))
     print(folder / "growth.csv", folder / "growth_memory.csv")
 
 

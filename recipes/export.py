@@ -7,10 +7,11 @@ python recipes/export.py path=runs/table_lack/tstar/seed0/last  # 50 episodes of
 
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import torch
+from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 from torchrl.envs import set_exploration_type
 
@@ -20,6 +21,7 @@ from tstar_rl.checks import InvalidValueError, MissingFileError
 from tstar_rl.config.build import environment, load_skill
 from tstar_rl.config.demonstrations import demonstrated, demonstrations_seed, load_demonstrations, part_name
 from tstar_rl.config.load import recipe
+from tstar_rl.config.overrides import section_of
 from tstar_rl.config.recovery import refuse_recovery
 from tstar_rl.config.values import plain
 from tstar_rl.config.worlds import check_world
@@ -59,6 +61,7 @@ def main(config: DictConfig) -> None:
     for name in config.formats:
         if name not in FORMATS:
             raise InvalidValueError(f"formats must be of {', '.join(FORMATS)}; got {name!r}")
+    _check_asked(config, HydraConfig.get().overrides.task)
     drawn = "" if config.path is None or config.mode == "deterministic" else f"_{config.mode}"
     name = config.dataset or f"{_name(config)}{drawn}"
     if not name or name != _allowed(name):
@@ -84,6 +87,20 @@ def main(config: DictConfig) -> None:
         if "minari" in config.formats:
             write_minari(recording, dataset_id, root)
             print(f"  MINARI_DATASETS_PATH={root}: {dataset_id}")
+
+
+def _check_asked(config: DictConfig, given: Sequence[str]) -> None:
+    """Refuses what is of a policy's episodes where none are made.
+
+    Raises:
+        InvalidValueError: with the value that was given.
+    """
+    of_episodes = [value for value in given if section_of(value) in ("episodes", "mode")]
+    if config.path is None and of_episodes:
+        raise InvalidValueError(
+            f"{of_episodes[0]} is of path=..., whose skill or chain is run; without it demonstrations go out: give "
+            "path=..., or leave episodes=... and mode=... out"
+        )
 
 
 def _refuse(path: Path, differences: list[str]) -> None:

@@ -16,12 +16,22 @@ import tstar_rl as rl
 
 @rl.recipe("floored", floor=float, from_checkpoint=str)
 def main(config: DictConfig) -> None:
-    """Raises the floor of every skill and saves the chain; logs how many inputs stood below it."""
+    """Raises the floor of every skill and saves the chain; logs how many inputs stood below it.
+
+    Raises:
+        InvalidValueError: if none did.
+    """
     skills = rl.load_skills(config, checkpoint=config.from_checkpoint)
+    raised = [skill.normalizer.raise_to(config.floor) for skill in skills]
+    if not any(raised):
+        raise rl.InvalidValueError(
+            f"no input stands below floor={config.floor}: the chain would be the skills as they are; give a higher "
+            "floor=..."
+        )
     run = rl.chain_run(config, len(skills))
     run.start()
-    for index, skill in enumerate(skills):
-        run.log(0, skill=index, raised_inputs=skill.normalizer.raise_to(config.floor))
+    for index, inputs in enumerate(raised):
+        run.log(0, skill=index, raised_inputs=inputs)
     rl.save_chain(skills, run.work / "last", **run.origin, env_steps=0)
     run.finish()
 

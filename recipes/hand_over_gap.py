@@ -5,8 +5,8 @@
 
 Nothing is trained. <results_dir>/<task>/hand_over_gap.csv has a row for the chain as it was trained (floor 0) and one
 for each floor under its normalisers' deviations; its gap is the product of the skills' own success, as trained, less
-that row's progress. <results_dir>/<task>/seams.csv has a row for each skill that takes over: a cross-validated
-classifier's area under the curve, what falls when a group of its inputs is shuffled, how far the group is off the
+that row's progress. <results_dir>/<task>/seams.csv has a row for each skill that takes over: the area under the curve
+of a cross-validated classifier, by how much it falls when a group of inputs is shuffled, how far the group is off the
 skill's own starts (see `tstar_rl.seams.off_starts`), success on either side of one input (split_by="joint 6"; null: the
 strongest one), and how much of the outcome the skill before it decides (see `tstar_rl.seams.influence`). Rows of the
 same chain are replaced; seams.png shows the two sides.

@@ -12,6 +12,7 @@ from torch import Tensor
 from tstar_rl.checks import need_extra
 from tstar_rl.config.build import environment
 from tstar_rl.config.load import recipe
+from tstar_rl.launch.overrides import chosen_scale
 from tstar_rl.rollouts.episodes import run_episodes
 from tstar_rl.runs.csv_tables import append_rows
 from tstar_rl.seeds import derive_seed
@@ -28,12 +29,13 @@ def main(config: DictConfig) -> None:
     for subtask in asked:
         row = {
             "task": config.task.name,
+            "scale": chosen_scale(),
             "subtask": "whole" if subtask is None else subtask,
             "seed": config.seed,
         }
         row = {**row, "device": config.device, **_success(config, subtask), **_parting(config, subtask)}
         path = Path(config.results_dir) / "parity.csv"
-        table = append_rows(path, [row], ("task", "subtask", "seed", "device"))
+        table = append_rows(path, [row], ("task", "scale", "subtask", "seed", "device"))
         print(table.to_string(index=False))
 
 

@@ -2,9 +2,9 @@
 
     python recipes/policy_sequencing.py task=table_lack scale=laptop seed=0
 
-With `bonus=0.45 system=policy_sequencing_bonus` every success is paid the weight of the terminal reward times that
-number. With T-STAR's starts too, `"chain.starts={environment: 0.2, gaussian: 0.0, buffer: 0.8}"`, that is what T-STAR
-would do if its discriminator said the same of every state: its control.
+With `bonus=0.45 system=policy_sequencing_bonus` every success but the last skill's is paid the weight of the terminal
+reward times that number. With T-STAR's starts too, `"chain.starts={environment: 0.2, gaussian: 0.0, buffer: 0.8}"`,
+that is what T-STAR would do if its discriminator said the same of every state: its control.
 """
 
 from omegaconf import DictConfig

@@ -70,6 +70,11 @@ def both_sides(config: DictConfig, given: Sequence[str]) -> list[Shown]:
             "trained chains bring their own world, which a scale would be mixed with: leave scale=... out, or set "
             "variants=null"
         )
+    if any(section_of(value) == "noise" for value in given):
+        raise InvalidValueError(
+            "noise disturbs the scripted assembler, and trained chains are shown: set variants=null, or leave "
+            f"noise=... out; got noise={config.noise}"
+        )
     chains = [load_pretrained(config.task.name, name).to(config.device) for name in config.variants]
     judges = next((chain.d_omega for chain in reversed(chains) if len(chain.d_omega)), None)
     signals = {"d_omega": d_omega_signal(judges)} if judges else {}

@@ -9,6 +9,7 @@ from tensordict import TensorDict
 from tstar_rl.chaining.chain import load_chain
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.chaining.turns import Turn
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.runs.mismatch import CheckpointMismatchError
 from tstar_rl.runs.run_config import read_config, write_config
 
@@ -143,7 +144,9 @@ def test_skills_of_another_size_or_world_are_refused(point_chain, tmp_path, reci
     with pytest.raises(CheckpointMismatchError, match=f"gail_ppo/seed0/subtask1/last {told}"):
         point_chain(recipe, "scale=laptop")
     if recipe == "floored":
-        point_chain(recipe, "scale=laptop", "demonstrations.may_differ=[preassembled,reset_robot]")
+        point_chain(
+            recipe, "scale=laptop", "floor=0.7", "demonstrations.may_differ=[preassembled,reset_robot]"
+        )
 
 
 @pytest.mark.parametrize("recipe", ["tstar", "floored", "refitted", "recover"])
@@ -151,7 +154,8 @@ def test_a_chain_notes_what_its_skills_took(point_chain, tmp_path, recipe):
     for index in range(NUM_SKILLS):
         ended = tmp_path / f"runs/table_lack/gail_ppo/seed0/subtask{index}/finished.json"
         ended.write_text(json.dumps({"env_steps": 10, "minutes": 0.5}))
-    point_chain(recipe, "scale=laptop", "chain.gate=false", "chain.rounds=1")
+    own = ["floor=0.7"] if recipe == "floored" else []
+    point_chain(recipe, "scale=laptop", "chain.gate=false", "chain.rounds=1", *own)
     noted = read_config(tmp_path / f"results/table_lack/{recipe}/seed0")["skills_took"]
     assert noted == {"env_steps": 10 * NUM_SKILLS, "minutes": 0.5 * NUM_SKILLS}
 
@@ -179,6 +183,14 @@ def test_a_floor_raised_after_the_fact_changes_the_inputs_alone(point_chain, tmp
         )
         for name, value in first.policy.named_parameters():
             assert torch.equal(value, dict(skill.policy.named_parameters())[name])
+
+
+def test_a_floor_below_all_inputs_is_refused_and_leaves_nothing(point_chain, tmp_path):
+    with pytest.raises(
+        InvalidValueError, match="no input stands below floor=0.5: .*; give a higher floor=..."
+    ):
+        point_chain("floored", "scale=laptop", "floor=0.5")
+    assert not any((tmp_path / place / "table_lack/floored").exists() for place in ("runs", "results"))
 
 
 @pytest.mark.parametrize(

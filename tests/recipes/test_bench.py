@@ -138,6 +138,12 @@ def test_memory_has_ten_rows_over_all_rollouts():
     assert rows[0]["megabytes"] > 50
 
 
+def test_torchrl_s_wrapper_around_dm_control_steps():
+    from bench_wrapped import wrapped_rate
+
+    assert wrapped_rate("toy_table", 1, 2) > 0
+
+
 def test_a_bare_simulator_that_is_told_the_same_ends_in_the_same_states():
     """Over episodes that end after five steps and begin anew, drawing new starts."""
     from bench_bare import random_policy, replay

@@ -156,6 +156,8 @@ def test_an_episode_that_differs_is_told(call, tmp_path, monkeypatch, capsys):
         ("export", ["formats=[hdf6]"], "formats must be of hdf5, minari; got 'hdf6'"),
         ("export", ["mode=best"], "mode must be one of deterministic, stochastic; got 'best'"),
         ("export", ["episodes=0"], "episodes must be a whole number from 1, got 0"),
+        ("export", ["episodes=10"], "episodes=10 is of path=.* without it demonstrations go out: give path="),
+        ("export", ["mode=stochastic"], "mode=stochastic is of path=.* and mode=... out"),
         ("export", ["path=nowhere"], "no skill and no chain at nowhere"),
         (
             "bc",

@@ -27,12 +27,3 @@ def test_curves_of_each_system_and_the_table_of_all(call, tmp_path, capsys):
         assert curves.read_bytes().startswith(b"\x89PNG") and str(curves) in said
         (row,) = (line.split() for line in said.splitlines() if f" {system} " in line)
         assert [float(each) for each in row[-7:]] == [1, progress, 0.25, 1, 0.25, 200, 1]
-
-
-def test_the_wrapper_that_the_bench_measures_steps(monkeypatch):
-    from recipe_runs import ROOT
-
-    monkeypatch.syspath_prepend(ROOT / "recipes")
-    from bench_wrapped import wrapped_rate
-
-    assert wrapped_rate("toy_table", 1, 2) > 0

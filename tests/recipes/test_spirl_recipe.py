@@ -6,6 +6,9 @@ import pandas as pd
 import pytest
 from recipe_runs import kill_after, places, run
 
+import tstar_rl as rl
+from tstar_rl.config.values import CONFIGS
+
 SMALL = [
     "subtask=0",
     "spirl.model_training.epochs=2",
@@ -15,6 +18,11 @@ SMALL = [
     "spirl.total_steps=1600",
     "spirl.checkpoint_every=320",
 ]
+
+
+@pytest.mark.parametrize("scale", sorted(path.stem for path in (CONFIGS / "spirl").glob("*.yaml")))
+def test_its_config_says_at_every_scale_that_the_normaliser_stays(scale):
+    assert rl.compose("spirl", "subtask=0", f"scale={scale}").normalizer.running is False
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""The page of `make watch`: two shipped chains from one start, the left one fails, the right one assembles."""
+"""The page of `make watch`: two shipped chains from one start, or the scripted assembler; one fails, one assembles."""
 
 import pytest
 import torch
@@ -11,6 +11,7 @@ from tensordict import TensorDict
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.config.values import CONFIGS
 from tstar_rl.models.network_settings import NetworkSettings
+from tstar_rl.shipped.catalogue import load_pretrained
 from tstar_rl.shipped.chain import load_shipped, save_shipped
 
 TASK = "table_lack"
@@ -41,6 +42,42 @@ def test_the_d_omega_of_the_mended_chain_judges_both_sides(monkeypatch, tmp_path
     for side in (left, right):
         told = side.signals["d_omega"](step)
         assert float(told[0]) == pytest.approx(said, abs=2e-3) and told[1:].isnan().all()
+
+
+def test_watch_writes_one_page_with_a_failure_and_a_success(call, tmp_path, capsys):
+    call(
+        "watch",
+        "variants=null",
+        "env.max_steps=100",
+        "noise=0.8",
+        "simulations=1",
+        "subtask=0",
+        f"runs_dir={tmp_path}",
+    )
+    said = capsys.readouterr().out.splitlines()
+    assert "disturbed: failure after" in said[0] and "scripted assembler: success after" in said[1]
+    assert said[2] == str(tmp_path / "watch.html")
+    assert [path.name for path in tmp_path.iterdir()] == ["watch.html"]
+    assert "leg_2 to table_top" in (tmp_path / "watch.html").read_text()
+
+
+def test_watch_shows_two_shipped_chains_from_one_start(call, tmp_path, capsys):
+    """One subtask is enough to see; the whole task is what `make watch` shows."""
+    call("watch", "simulations=1", "subtask=0", f"runs_dir={tmp_path}")
+    said = capsys.readouterr().out.splitlines()
+    page = (tmp_path / "watch.html").read_text()
+    for line, name in zip(said, ("narrow_failing", "narrow_mended"), strict=False):
+        record = load_pretrained("table_lack", name).record
+        assert record["says"] in page and line.startswith(record["says"]) and line.endswith(" steps")
+        assert f"{record['figures']['deterministic']['success']:.0%} of" in page
+    assert said[2] == str(tmp_path / "watch.html")
+
+
+def test_watch_shows_the_script_where_no_chain_is_shipped(call, tmp_path, capsys):
+    call("watch", "task=toy_table", "simulations=1", "env.max_steps=2", "subtask=0", f"runs_dir={tmp_path}")
+    said = capsys.readouterr().out.splitlines()
+    assert said[0].startswith("toy_table has no such trained chains: the scripted")
+    assert "scripted assembler, arm disturbed" in (tmp_path / "watch.html").read_text()
 
 
 @pytest.mark.slow

@@ -8,7 +8,6 @@ from tensordict import TensorDict
 from tstar_rl.rollouts.collection import with_starts
 from tstar_rl.rollouts.episodes import run_episodes
 from tstar_rl.rollouts.watching import EpisodeLog, d_omega_signal, record_episode, rows_to_show
-from tstar_rl.shipped.catalogue import load_pretrained
 
 
 def test_an_episode_is_remembered_up_to_its_end(make_env, policy):
@@ -84,39 +83,3 @@ def test_d_omega_of_the_next_skill_speaks_where_a_subtask_was_done():
     step = TensorDict({"subtask": before, "next": {"subtask": after, "observation": observation}}, [4])
     said = d_omega_signal([lambda o: o + 0.5, lambda o: o + 0.5])(step)
     torch.testing.assert_close(said, torch.tensor([0.75, torch.nan, 1.0, torch.nan]), equal_nan=True)
-
-
-def test_watch_writes_one_page_with_a_failure_and_a_success(call, tmp_path, capsys):
-    call(
-        "watch",
-        "variants=null",
-        "env.max_steps=100",
-        "noise=0.8",
-        "simulations=1",
-        "subtask=0",
-        f"runs_dir={tmp_path}",
-    )
-    said = capsys.readouterr().out.splitlines()
-    assert "disturbed: failure after" in said[0] and "scripted assembler: success after" in said[1]
-    assert said[2] == str(tmp_path / "watch.html")
-    assert [path.name for path in tmp_path.iterdir()] == ["watch.html"]
-    assert "leg_2 to table_top" in (tmp_path / "watch.html").read_text()
-
-
-def test_watch_shows_two_shipped_chains_from_one_start(call, tmp_path, capsys):
-    """One subtask is enough to see; the whole task is what `make watch` shows."""
-    call("watch", "simulations=1", "subtask=0", f"runs_dir={tmp_path}")
-    said = capsys.readouterr().out.splitlines()
-    page = (tmp_path / "watch.html").read_text()
-    for line, name in zip(said, ("narrow_failing", "narrow_mended"), strict=False):
-        record = load_pretrained("table_lack", name).record
-        assert record["says"] in page and line.startswith(record["says"]) and line.endswith(" steps")
-        assert f"{record['figures']['deterministic']['success']:.0%} of" in page
-    assert said[2] == str(tmp_path / "watch.html")
-
-
-def test_watch_shows_the_script_where_no_chain_is_shipped(call, tmp_path, capsys):
-    call("watch", "task=toy_table", "simulations=1", "env.max_steps=2", "subtask=0", f"runs_dir={tmp_path}")
-    said = capsys.readouterr().out.splitlines()
-    assert said[0].startswith("toy_table has no such trained chains: the scripted")
-    assert "scripted assembler, arm disturbed" in (tmp_path / "watch.html").read_text()

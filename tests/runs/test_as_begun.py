@@ -1,8 +1,8 @@
-"""Which trainings may go on to more steps than they were given."""
+"""Which trainings may go on to more steps than they were given, and what older ones noted otherwise."""
 
 import pytest
 
-from tstar_rl.runs.mismatch import as_begun
+from tstar_rl.runs.mismatch import as_begun, known_then
 
 FREE = {"exploration": None, "networks": {"std": "fixed"}, "ppo": {"linear_decay": False}}
 BEGUN = {**FREE, "training": {"total_steps": 10, "horizon": 2}}
@@ -37,3 +37,16 @@ def test_spirl_goes_on_to_more_of_its_own_steps_whatever_else_it_has():
 )
 def test_another_is_held_against_what_it_was_given(other):
     assert as_begun(BEGUN, other) == other
+
+
+@pytest.mark.parametrize("recipe", ["spirl", "gail_ppo"])
+def test_only_spirl_noted_a_running_normaliser_that_it_did_not_have(recipe):
+    saved, now = ({"recipe": recipe, "normalizer": {"running": on, "floor": 0.1}} for on in (True, False))
+    other = {"recipe": recipe, "normalizer": {"running": False, "floor": 0.2}}
+    assert known_then(saved, now) == (saved if recipe == "spirl" else now)
+    assert known_then(saved, other)["normalizer"]["floor"] == 0.2
+    assert known_then({"recipe": recipe}, now) == now
+
+
+def test_a_run_that_noted_no_recipe_is_held_against_none():
+    assert known_then({}, {"recipe": "bc", "seed": 0}) == {"seed": 0}

@@ -11,6 +11,7 @@ from torchrl.envs import ExplorationType, set_exploration_type
 
 from tstar_rl import FurnitureEnv
 from tstar_rl.chaining.skill import Skill
+from tstar_rl.checks import NothingToDo
 from tstar_rl.config.build import load_skill
 from tstar_rl.models.network_settings import NetworkSettings
 from tstar_rl.rollouts.collection import Collection, with_starts
@@ -120,6 +121,30 @@ class TestSpirlTraining:
         assert torch.equal(self.latents(training), at_once[:, 2:])
         assert training.steps == 48
         assert read_config(training.run.results)["spirl"] == budgets[1]
+
+    def test_one_whose_config_said_that_its_normaliser_runs_goes_on(self, tmp_path):
+        """It never ran: what the scale said was not read."""
+
+        def train(steps: int, running: bool) -> SpirlTraining:
+            training = self.make(
+                lambda: FurnitureEnv("table_lack", 3, 0, seed=0, max_steps=8),
+                tmp_path,
+                recipe="spirl",
+                normalizer={"running": running, "floor": 0.01},
+                spirl={"total_steps": steps, "checkpoint_every": 12},
+            )
+            assert training.is_new == (steps == 24)
+            self.latents(training)
+            return training
+
+        train(24, running=True)
+        with pytest.raises(NothingToDo):
+            train(24, running=False)
+        for steps in (48, 60):  # the second one from a checkpoint that says what is so
+            training = train(steps, running=False)
+        assert training.steps == 60
+        begun = read_config(training.run.results)["normalizer"]
+        assert begun == {"running": True, "floor": 0.01}, "it tells how the run began"
 
     def test_the_best_agent_is_kept(self, make_env, tmp_path):
         training = self.make(make_env, tmp_path)

@@ -47,7 +47,7 @@ from tstar_rl.updates import (
         (
             DiscriminatorSettings,
             {"penalty": "one_between", "gradient_penalty": 0.0},
-            "penalty=one_between .* gradient_penalty=0",
+            r"DiscriminatorSettings.penalty must be zero_at_first where gradient_penalty is 0 .*, got one_between",
         ),
         (PPOSettings, {"epochs": 0}, "PPOSettings.epochs must be at least 1, got 0"),
         (PPOSettings, {"learning_rate": math.nan}, "PPOSettings.learning_rate must be positive, got nan"),

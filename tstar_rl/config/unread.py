@@ -90,6 +90,7 @@ def check_what_is_not_read(values: Mapping[str, Any], name: str) -> None:
     _check_asked(values, name)
     _check_demonstrations(values.get("demonstrations") or {})
     _check_rewards(values, name)
+    _check_normalizer(values, name)
     _check_entropy(values, name)
     if name in FINE_TUNING:
         _check_chain(values, name)
@@ -157,6 +158,19 @@ def _check_rewards(values: Mapping[str, Any], name: str) -> None:
         )
 
 
+def _check_normalizer(values: Mapping[str, Any], name: str) -> None:
+    """Refuses a normaliser that runs on where it is fitted once."""
+    if not values["normalizer"]["running"]:
+        return
+    told = f"normalizer.running must be false for {name}, got true"
+    if name in IN_ORDER:
+        raise ConfigError(
+            f"{told}: a skill's normaliser is fitted to the demonstrations that it is cloned from, and stays"
+        )
+    if name == "spirl":
+        raise ConfigError(f"{told}: its normaliser is fitted to the demonstrations, and stays")
+
+
 def _check_entropy(values: Mapping[str, Any], name: str) -> None:
     """Refuses a bonus for an entropy that nothing changes."""
     sections = {"ppo": values.get("ppo") or {}, "chain.ppo": (values.get("chain") or {}).get("ppo") or {}}
@@ -210,11 +224,6 @@ def _check_chain(values: Mapping[str, Any], name: str) -> None:
         raise ConfigError(
             f"skills must be clones, bc or bc_<...>, got {values['skills']}: what demonstrated_ends makes anew is "
             "cloned over a skill, and the normaliser of its networks is fitted again; or set demonstrated_ends=0"
-        )
-    if name in IN_ORDER and values["normalizer"]["running"]:
-        raise ConfigError(
-            f"normalizer.running must be false for {name}, got true: a skill's normaliser is fitted to the "
-            "demonstrations that it is cloned from, and stays"
         )
     again = {"gate": chain["gate"], "rounds": chain["rounds"] > 1, "order": chain["order"] != "forward"}
     if values.get("demonstrated_ends") and any(again.values()):

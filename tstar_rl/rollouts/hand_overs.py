@@ -25,6 +25,10 @@ class HandOvers:
 
     One that is done in the step that ends the episode is handed to nobody.
 
+    `chaining.trials.run_trial` tells the same skill after skill, each from a snapshot of where the one before ended.
+    This is of a chain that runs from end to end, as it is evaluated, with nothing restored on the way. The published
+    tables of `hand_over_gap.py` are of such episodes, to the last digit: so both stay, and a test holds them together.
+
     Args:
         links: skills of the chain.
 

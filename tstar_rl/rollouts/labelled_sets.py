@@ -37,7 +37,9 @@ class OutcomeSet(StateSet):
         return self.extend(TensorDict(rows, [len(starts)]))
 
     def labels(self, label: Label) -> Tensor:
-        """What came of every start, (n,), in the order of `observations`, and as these as they lie there.
+        """What came of every start.
+
+        (n,), in the order of `observations`; like these a view of the storage, so clone what is to stay.
 
         Raises:
             InvalidValueError: for a label that is not one of `LABELS`.

@@ -54,8 +54,16 @@ def check_config(results: Path, saved: Mapping[str, Any], asked: Mapping[str, An
 
 
 def known_then(saved: Mapping[str, Any], asked: Mapping[str, Any]) -> dict[str, Any]:
-    """`asked`, but without its recipe where none was noted: older runs, and programs of a user's own, note none."""
-    return {name: value for name, value in asked.items() if name != "recipe" or name in saved}
+    """`asked` as the run in `saved` would have noted it.
+
+    Older runs, and programs of a user's own, note no recipe. Older ones of SPiRL note normalizer.running as their scale
+    has it, and did not read it.
+    """
+    known = {name: value for name, value in asked.items() if name != "recipe" or name in saved}
+    running = (saved.get("normalizer") or {}).get("running")
+    if asked.get("recipe") == "spirl" and "normalizer" in asked and running is not None:
+        known["normalizer"] = {**asked["normalizer"], "running": running}
+    return known
 
 
 def as_begun(saved: Mapping[str, Any], asked: Mapping[str, Any]) -> dict[str, Any]:

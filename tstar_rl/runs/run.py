@@ -140,9 +140,10 @@ class Run:
         """Loads the checkpoint, if it is of this run, and notes that the run went on."""
         try:
             saved = checkpoint.read_record(found)
-            begun = as_begun(saved, known_then(saved, self.record))
+            asked = known_then(saved, self.record)
+            begun = as_begun(saved, asked)
             checkpoint.read_record(found, **begun)
-            changed = [section for section in begun if begun[section] != self.record[section]]
+            changed = [section for section in begun if begun[section] != asked[section]]
             previous.stop_if_done(changed)  # before its tables go back to the checkpoint
             checkpoint.load(found, self.components, **begun)  # refused here, it leaves all as it is
         except (CheckpointMismatchError, checkpoint.DamagedCheckpointError, LogError) as error:

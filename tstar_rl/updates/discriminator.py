@@ -7,7 +7,7 @@ import torch
 from tensordict import TensorDict
 from torch import Tensor
 
-from tstar_rl.checks import check_choices, check_ranges
+from tstar_rl.checks import InvalidValueError, check_choices, check_ranges
 from tstar_rl.models.networks import Discriminator
 from tstar_rl.objectives import DiscriminatorLoss
 from tstar_rl.signal_equations import two_sided_loss
@@ -41,9 +41,9 @@ class DiscriminatorSettings:
         )
         check_choices(self, penalty=PENALTIES)
         if self.penalty == "one_between" and not self.gradient_penalty:
-            raise ValueError(
-                "penalty=one_between says which gradient penalty, and gradient_penalty=0 that there is none: "
-                "leave one of them out"
+            raise InvalidValueError(
+                "DiscriminatorSettings.penalty must be zero_at_first where gradient_penalty is 0 (there is no "
+                f"penalty), got {self.penalty}"
             )
 
 
