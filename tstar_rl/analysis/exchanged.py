@@ -67,10 +67,11 @@ def effects_of_seeds(table: pd.DataFrame) -> pd.DataFrame:
     for (subtask, seed), rows in table.groupby(["subtask", "seed"]):
         if rows["handed"].min() == 0:
             continue
-        of_cells = rows.set_index(["handed_by", "taken_by"])
-        success = [of_cells.loc[cell, "taken"] / of_cells.loc[cell, "handed"] for cell in CELLS]
+        share = (rows["taken"] / rows["handed"]).to_numpy()
+        by_cell = dict(zip(zip(rows["handed_by"], rows["taken_by"], strict=True), share, strict=True))
+        success = [by_cell[cell] for cell in CELLS]
         for effect, signs in EFFECTS.items():
-            value = sum(sign / 2 * share for sign, share in zip(signs, success, strict=True))
+            value = sum(sign / 2 * each for sign, each in zip(signs, success, strict=True))
             lines.append({"subtask": subtask, "effect": effect, "seed": seed, "value": value})
     return pd.DataFrame(lines)
 
