@@ -44,7 +44,7 @@ def _chains(axes: Axes, rows: pd.DataFrame, what: str, systems: Mapping[str, str
 def anatomy_figure(falls: pd.DataFrame, table: pd.DataFrame, systems: Mapping[str, str]) -> Figure:
     """A row of panels for each seam, left to right: what decides, how far off it is, who succeeds, what is kept.
 
-    A dot is a seed, a bar or a black line a mean. In the second panel a dashed line says how far off the next skill's
+    Skills are counted from one. A dot is a seed, a bar or a black line a mean. In the second panel a dashed line says how far off the next skill's
     own starts are: what it saw.
 
     Args:
@@ -61,7 +61,7 @@ def anatomy_figure(falls: pd.DataFrame, table: pd.DataFrame, systems: Mapping[st
         rows = table[table["subtask"] == seam]
         by, saw = rows["by"].iloc[0], rows["saw"].mean()
         _decides(line[0], falls.loc[seam])
-        line[0].set_title(f"skill {seam - 1} hands over to {seam}: what decides", fontsize=8)
+        line[0].set_title(f"skill {seam} hands over to {seam + 1}: what decides", fontsize=8)
         line[0].set_xlabel("AUC falls by, if shuffled", fontsize=8)
         for axes, (what, title) in zip(line[1:], TITLES.items(), strict=True):
             _chains(axes, rows, what, systems)
@@ -70,7 +70,7 @@ def anatomy_figure(falls: pd.DataFrame, table: pd.DataFrame, systems: Mapping[st
         line[1].axvline(saw, color="0.3", linestyle="--", linewidth=1)
         line[1].set_xlim(left=0)
         unit = "m" if by.endswith(" position") else "degrees"
-        line[1].set_xlabel(f"{readable(by)}, {unit}", fontsize=8)
+        line[1].set_xlabel(f"{readable(by)}: {unit} off own starts", fontsize=8)
         line[1].set_yticks(range(len(systems)), list(systems.values()), fontsize=8)
         for axes in line[2:]:
             axes.set_xlim(-0.03, 1.03)

@@ -96,7 +96,7 @@ def exchanged_figure(table: pd.DataFrame) -> Figure:
     for line, system in zip(grid, systems, strict=True):
         for axes, seam in zip(line, seams, strict=True):
             _panel(axes, table[(table["system"] == system) & (table["subtask"] == seam)], seeds)
-            axes.set_title(f"{readable(system)}: skill {seam - 1} hands over to {seam}", fontsize=8)
+            axes.set_title(f"{readable(system)}: skill {seam} hands over to {seam + 1}", fontsize=8)
             axes.set_xticks([0, 1], [f"second skill\nas {version}" for version in VERSIONS], fontsize=8)
             axes.set_ylim(0, 1.02)
         line[0].set_ylabel("the second skill succeeds")
