@@ -44,8 +44,8 @@ def _chains(axes: Axes, rows: pd.DataFrame, what: str, systems: Mapping[str, str
 def anatomy_figure(falls: pd.DataFrame, table: pd.DataFrame, systems: Mapping[str, str]) -> Figure:
     """A row of panels for each seam, left to right: what decides, how far off it is, who succeeds, what is kept.
 
-    Skills are counted from one. A dot is a seed, a bar or a black line a mean. In the second panel a dashed line says how far off the next skill's
-    own starts are: what it saw.
+    Skills are counted from one. A dot is a seed, a bar or a black line a mean. In the second panel a dashed line says
+    how far off the next skill's own starts are: what it saw.
 
     Args:
         falls: of `deciding_inputs`.

@@ -29,8 +29,14 @@ def steps_of_arms(rows: pd.DataFrame, metrics: pd.DataFrame) -> pd.Series:
     return learned.add(trials.reindex(learned.index).fillna(0))
 
 
+SEEDS = {"marker": ".", "linestyle": "", "markersize": 4, "alpha": 0.5}
+"""Dots of an arm's seeds."""
+
+
 def cost_figure(rows: pd.DataFrame, metrics: pd.DataFrame, labels: Mapping[str, str] | None = None) -> Figure:
     """Progress of each arm of a task, with its interval, against its environment steps, see `steps_of_arms`.
+
+    A small dot is a seed; all stand at the arm's mean of steps.
 
     Args:
         rows: see `steps_of_arms`.
@@ -50,6 +56,8 @@ def cost_figure(rows: pd.DataFrame, metrics: pd.DataFrame, labels: Mapping[str, 
         }
         name = f"{(labels or {}).get(str(arm), readable(arm))}: {row['seeds']:.0f}"
         axes.errorbar(steps[arm], row["progress"], yerr=np.clip(ends, 0, None), label=name, **style)
+        seeds = rows.loc[rows["arm"] == arm, "progress"]
+        axes.plot([steps[arm]] * len(seeds), seeds, color=style["color"], **SEEDS)
     axes.set(xlabel="environment steps: skills, fine-tuning and trials", ylabel="progress", ylim=(0, 1.02))
     axes.xaxis.set_major_formatter(EngFormatter(sep=""))
     axes.set_xlim(left=0)

@@ -14,7 +14,8 @@ from tstar_rl.analysis.turns import turn_table
 __all__ = ["costs", "draw_costs"]
 
 COST = (
-    "Progress with its 95% interval against environment steps: of skills, of fine-tuning and of trials after turns. "
+    "Progress with its 95% interval, a small dot for each seed, against environment steps: of skills, of fine-tuning "
+    "and of trials after turns. "
     "Not counted in the runs published so far: the episodes of a chain before its first turn (chain.seed_episodes)."
 )
 

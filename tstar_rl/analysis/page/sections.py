@@ -106,7 +106,11 @@ def figure_4(root: Path, task: str, paper: Paper, prefix: str) -> str:
         cells = [" / ".join(three) for three in zip(*numbers, strict=True)]
         rows.append([names[str(system)], str(seed), *cells])
     header = ["system", "seed", "trace of the covariance, by third", "of positions alone, m2", "states"]
-    shown = picture("Where the third skill ends over training.", f"{prefix}{task}_terminal_states")
+    said = (
+        "Where the third skill ends over training: poses of all parts at its successes, on the two directions in which "
+        "they vary most; a panel for each system, a dot for each success, its colour the progress of training."
+    )
+    shown = picture(said, f"{prefix}{task}_terminal_states")
     return f"{shown}\n{SPREAD}\n{table(header, rows)}"
 
 
@@ -125,7 +129,8 @@ def hand_over(root: Path, task: str, paper: Paper, prefix: str) -> str:
     width = max(len(row) for row in rows) - 2
     rows = [row[:-1] + [NOTHING] * (width + 2 - len(row)) + row[-1:] for row in rows]
     header = ["system", *(f"skill {index}" for index in range(width)), "seeds"]
-    shown = picture("What the skills hand over.", f"{prefix}{task}_hand_over")
+    said = "Success of each skill, mean over seeds: left from its own starts, right from where the one before it ends."
+    shown = picture(said, f"{prefix}{task}_hand_over")
     return f"{shown}\n{HANDED}\n{table(header, rows)}"
 
 
