@@ -70,7 +70,9 @@ def test_the_figure_has_a_dot_for_each_seed(tables):
     figure = anatomy_figure(deciding_inputs(tables[0], SYSTEMS[0]), found, {name: name for name in SYSTEMS})
     decides, off, succeeds, own, kept = figure.axes
     assert [label.get_text() for label in decides.get_yticklabels()] == ["leg orientation", "robot"]
-    assert off.get_xlabel() == "leg orientation: degrees off own starts" and off.lines[-1].get_xdata()[0] == 0.5
+    assert (
+        off.get_xlabel() == "leg orientation: degrees off own starts" and off.lines[-1].get_xdata()[0] == 0.5
+    )
     assert [len(dots.get_offsets()) for dots in off.collections] == [2, 2]
     assert len(succeeds.collections) == len(own.collections) == 2 and len(kept.collections) == 1
     assert "hand_over_gap" in anatomy_figure(found, found[:0], {}).axes[0].texts[0].get_text()

@@ -86,7 +86,7 @@ def test_a_finished_run_goes_on_to_more_steps_as_if_it_had_had_them(demonstratio
     before = file.read_bytes()
     for values in (["subtask=0", demonstrations], [*free, "ppo.linear_decay=true"]):
         done = run("gail_ppo", *values, *places(tmp_path, "longer"), "training.total_steps=2048")
-        assert done.returncode and "does not belong here" in done.stderr and file.read_bytes() == before
+        assert done.returncode and "keep runs apart" in done.stderr and file.read_bytes() == before
     done = run("gail_ppo", *free, *places(tmp_path, "longer"), "training.total_steps=2048")
     assert done.returncode == 0, done.stderr
     assert file.read_bytes() == metrics(tmp_path, "whole").read_bytes()
