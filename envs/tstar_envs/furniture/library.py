@@ -214,9 +214,8 @@ def _turns(fields: Fields) -> tuple[float, ...]:
     if value == "any":
         return ANY_TURN
     if isinstance(value, str):
-        raise FurnitureError(
-            f"{fields.at('allowed_degrees')}: got {short(value)}, expected a list of numbers, or the word any"
-        )
+        where = fields.at("allowed_degrees")
+        raise FurnitureError(f"{where}: got {short(value)}, expected a list of numbers, or the word any")
     return tuple(math.radians(x) for x in fields.numbers("allowed_degrees", None, default=(0.0,)))
 
 

@@ -1,14 +1,12 @@
 """Runs of several experiments beside the paper's Table 1, for the notes."""
 
-import math
 from collections.abc import Sequence
 
 import pandas as pd
 
-from tstar_rl.analysis.differences import student_half
 from tstar_rl.analysis.experiments import Experiment
 from tstar_rl.analysis.page.contents import Entry
-from tstar_rl.analysis.page.markdown import NOTHING, Paper, labels, millions, table, theirs
+from tstar_rl.analysis.page.markdown import Paper, labels, mean_and_half, millions, table, theirs
 from tstar_rl.analysis.page.sections import pick
 from tstar_rl.analysis.tables import evaluations_of, whole_task
 
@@ -42,7 +40,11 @@ def beside_the_paper(
         if last.empty:
             continue
         line = [label, *theirs(paper, SAME.get(system, system), task)]
-        line += [_mean(last["progress"]), _mean(last["success"]), _mean(best["progress"])]
+        line += [
+            mean_and_half(last["progress"], 2),
+            mean_and_half(last["success"], 2),
+            mean_and_half(best["progress"], 2),
+        ]
         lines.append([*line, str(last["seed"].nunique()), millions(last["env_steps"].mean())])
     header = [
         "system",
@@ -52,11 +54,3 @@ def beside_the_paper(
         "success",
     ]
     return table([*header, "ours, best: progress", "seeds", "steps learned from"], lines)
-
-
-def _mean(values: pd.Series) -> str:
-    """Mean over seeds with half of Student's interval."""
-    if values.empty:
-        return NOTHING
-    half = student_half(values.to_numpy())
-    return f"{values.mean():.2f}" + ("" if math.isnan(half) else f" +- {half:.2f}")

@@ -7,8 +7,7 @@ import pandas as pd
 
 from tstar_rl.analysis.calibration import calibration_of_arms, pooled
 from tstar_rl.analysis.figures import reliability_figure, save_figure
-from tstar_rl.analysis.figures.panels import readable
-from tstar_rl.analysis.page.markdown import NOTHING, Paper, arm_label, arm_order, picture, table
+from tstar_rl.analysis.page.markdown import NOTHING, Paper, arm_order, picture, signal_label, table
 from tstar_rl.analysis.tables import config_of, read_calibration
 
 __all__ = ["calibration", "draw_calibration"]
@@ -35,7 +34,7 @@ def calibration(folder: Path, metrics: pd.DataFrame, paper: Paper, task: str, pr
         for signal, row in signals.iterrows():
             numbers = [NOTHING if math.isnan(row[name]) else f"{row[name]:.2f}" for name in SHOWN]
             turns = [f"{row['seeds']:.0f}", f"{row['told']:.0f}"]
-            rows.append([_said_by(paper, arm, str(signal), len(signals)), *turns, *numbers])
+            rows.append([signal_label(paper, arm, str(signal), len(signals)), *turns, *numbers])
     header = [
         "arm",
         "seeds",
@@ -59,15 +58,11 @@ def draw_calibration(
     for arm in arm_order(paper, curves["recipe"]):
         of_arm = together[together["recipe"] == arm]
         names = {
-            signal: _said_by(paper, arm, signal, of_arm["signal"].nunique()) for signal in of_arm["signal"]
+            signal: signal_label(paper, arm, signal, of_arm["signal"].nunique())
+            for signal in of_arm["signal"]
         }
         drawn.append(of_arm.assign(signal=of_arm["signal"].map(names)))
     return [save_figure(reliability_figure(pd.concat(drawn)), figures / f"{_file(task, prefix)}.png")]
-
-
-def _said_by(paper: Paper, arm: str, signal: str, signals: int) -> str:
-    """What an arm's signal is called: the arm, and where it has several, which."""
-    return arm_label(paper, arm) + (f": {readable(signal)}" if signals > 1 else "")
 
 
 def _shares(folder: Path, task: str) -> set[str]:

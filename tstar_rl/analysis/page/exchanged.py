@@ -6,7 +6,7 @@ from tstar_rl.analysis.differences import outer_ends
 from tstar_rl.analysis.exchanged import effects_of_seeds, exchange_effects
 from tstar_rl.analysis.figures import effects_figure, save_figure
 from tstar_rl.analysis.page.contents import Entry
-from tstar_rl.analysis.page.markdown import picture, table
+from tstar_rl.analysis.page.markdown import exact_interval, picture, table
 from tstar_rl.runs.csv_tables import read_table
 
 __all__ = ["draw_exchanged", "exchanged"]
@@ -31,7 +31,7 @@ def exchanged(entry: Entry, task: str) -> str:
             row = by_effect.loc[effect]
             value, low, high, half = (float(row[name]) for name in ("value", "low", "high", "t_half"))
             low, high = outer_ends(value, low, high, half)
-            line += [f"{value:+.3f} [{low:+.3f}, {high:+.3f}]", str(row["verdict"])]
+            line += [exact_interval(value, low, high), str(row["verdict"])]
         lines.append(line)
     header = ["seam", "seeds", *(each for said in WORDS.values() for each in (f"{said} [95%]", "verdict"))]
     return f"{picture(SHOWN, _file(entry, task))}\n{table(header, lines)}"

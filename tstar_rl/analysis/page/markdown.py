@@ -6,19 +6,25 @@ from typing import Any
 
 import pandas as pd
 
+from tstar_rl.analysis.differences import student_half
+from tstar_rl.analysis.figures.panels import readable
+
 __all__ = [
     "NOTHING",
     "anchor",
     "arm_label",
     "arm_order",
+    "exact_interval",
     "from_to",
     "interval",
     "interval_of",
     "labels",
+    "mean_and_half",
     "millions",
     "over_seeds",
     "picture",
     "share",
+    "signal_label",
     "signed_interval",
     "table",
     "theirs",
@@ -99,6 +105,21 @@ def signed_interval(value: float, low: float, high: float) -> str:
     return f"{value:+.3f} [{low:+.{digits}f}, {high:+.{digits}f}]"
 
 
+def exact_interval(value: float, low: float, high: float) -> str:
+    """The same with three digits: an end near zero is what a reader looks for. The value alone without an interval."""
+    if math.isnan(low):
+        return f"{value:+.3f}"
+    return f"{value:+.3f} [{low:+.3f}, {high:+.3f}]"
+
+
+def mean_and_half(values: pd.Series, digits: int) -> str:
+    """Mean over seeds with half of Student's 95% interval; the value alone of one seed, nothing of none."""
+    if values.empty:
+        return NOTHING
+    half = student_half(values.to_numpy())
+    return f"{values.mean():.{digits}f}" + ("" if math.isnan(half) else f" +- {half:.{digits}f}")
+
+
 def _digits(low: float, high: float) -> int:
     """Two, or three where two would hide most of the interval."""
     return 3 if high - low < NARROW else 2
@@ -142,3 +163,8 @@ def arm_label(paper: Paper, arm: str) -> str:
             if arm.endswith(ending):
                 return f"{arm_label(paper, arm.removesuffix(ending))}, {words}"
     return known.get(arm, arm)
+
+
+def signal_label(paper: Paper, arm: str, signal: str, signals: int) -> str:
+    """What an arm's signal is called: the arm, and where it has several, which."""
+    return arm_label(paper, arm) + (f": {readable(signal)}" if signals > 1 else "")

@@ -10,7 +10,7 @@ from tstar_rl.analysis.differences import outer_ends, paired_difference
 from tstar_rl.analysis.experiments import SEED, Experiment, check_arms
 from tstar_rl.analysis.hand_overs import compare_hand_overs, signal_by_seam
 from tstar_rl.analysis.page.contents import Entry
-from tstar_rl.analysis.page.markdown import NOTHING, Paper, arm_label, table
+from tstar_rl.analysis.page.markdown import NOTHING, Paper, arm_label, exact_interval, table
 from tstar_rl.analysis.tables import read_metrics
 from tstar_rl.checks import InvalidValueError
 
@@ -48,7 +48,7 @@ def readings(experiment: Experiment, paper: Paper, entry: Entry, task: str, arms
                 ]
                 found = paired_difference(*pair, np.random.default_rng(SEED))
                 ends = outer_ends(found.value, found.low, found.high, found.t_half)
-                line.append(_difference(found.value, *ends))
+                line.append(exact_interval(found.value, *ends))
             lines.append(line)
     header = ["difference", "seeds", "progress [95%]", "the whole task [95%]"]
     return table(header, lines) if lines else ""
@@ -74,7 +74,7 @@ def seams(experiment: Experiment, paper: Paper, entry: Entry, task: str, arms: S
     for subtask, row in found.iterrows():
         ends = (row["difference"] - row["t_half"], row["difference"] + row["t_half"])
         line = [f"skill {subtask} to skill {int(str(subtask)) + 1}", f"{row['seeds']:.0f}"]
-        line += [f"{row['first']:.3f}", f"{row['second']:.3f}", _difference(row["difference"], *ends)]
+        line += [f"{row['first']:.3f}", f"{row['second']:.3f}", exact_interval(row["difference"], *ends)]
         lines.append([*line, *_told(told.loc[subtask] if subtask in told.index else None)])
     next_one = "the next succeeds"
     header = ["seam", "seeds", f"{next_one}: {arm_label(paper, first)}", arm_label(paper, second)]
@@ -82,13 +82,6 @@ def seams(experiment: Experiment, paper: Paper, entry: Entry, task: str, arms: S
     if told.empty:
         header, lines = header[:-2], [line[:-2] for line in lines]
     return table(header, lines) if lines else ""
-
-
-def _difference(value: float, low: float, high: float) -> str:
-    """With three digits: an end near zero is what a reader looks for. The value alone where there is no interval."""
-    if math.isnan(low):
-        return f"{value:+.3f}"
-    return f"{value:+.3f} [{low:+.3f}, {high:+.3f}]"
 
 
 def _told(row: pd.Series | None) -> list[str]:

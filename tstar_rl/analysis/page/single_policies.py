@@ -1,11 +1,16 @@
 """How far single policies of the whole task get, as a part of the page: every seed, and nothing that is compared."""
 
-import math
-
 import pandas as pd
 
-from tstar_rl.analysis.differences import student_half
-from tstar_rl.analysis.page.markdown import NOTHING, Paper, interval, labels, millions, table, theirs
+from tstar_rl.analysis.page.markdown import (
+    Paper,
+    interval,
+    labels,
+    mean_and_half,
+    millions,
+    table,
+    theirs,
+)
 from tstar_rl.analysis.page.sections import pick
 from tstar_rl.analysis.tables import whole_task
 from tstar_rl.intervals import wilson_interval
@@ -28,9 +33,14 @@ def single_policies(evaluations: pd.DataFrame, paper: Paper, task: str) -> str:
         if last.empty:
             continue
         known = theirs(paper, system, task)[0]
-        progress.append([label, known, _of_seeds(last, "progress"), _mean(last["progress"])])
+        progress.append([label, known, _of_seeds(last, "progress"), mean_and_half(last["progress"], 3)])
         sampled, best = pick(whole, system, "last", "stochastic"), pick(whole, system, "best")
-        line = [label, _of_seeds(last, "success"), _mean(sampled["progress"]), _mean(best["progress"])]
+        line = [
+            label,
+            _of_seeds(last, "success"),
+            mean_and_half(sampled["progress"], 3),
+            mean_and_half(best["progress"], 3),
+        ]
         more.append([*line, millions(last["env_steps"].mean())])
     if not progress:
         return ""
@@ -51,11 +61,3 @@ def _of_seeds(rows: pd.DataFrame, name: str) -> str:
         low, high = wilson_interval(row[name] * row["episodes"], row["episodes"])
         said.append(f"{row['seed']}: {interval(row[name], low, high)}")
     return "; ".join(said)
-
-
-def _mean(values: pd.Series) -> str:
-    """Mean over seeds with half of Student's 95% interval; the value alone of one seed."""
-    if values.empty:
-        return NOTHING
-    half = student_half(values.to_numpy())
-    return f"{values.mean():.3f}" + ("" if math.isnan(half) else f" +- {half:.3f}")

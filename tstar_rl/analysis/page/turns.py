@@ -8,8 +8,16 @@ import pandas as pd
 
 from tstar_rl.analysis.experiments import Experiment
 from tstar_rl.analysis.figures import rise_figure, save_figure, signals_figure
-from tstar_rl.analysis.figures.panels import readable
-from tstar_rl.analysis.page.markdown import NOTHING, Paper, arm_label, arm_order, millions, picture, table
+from tstar_rl.analysis.page.markdown import (
+    NOTHING,
+    Paper,
+    arm_label,
+    arm_order,
+    millions,
+    picture,
+    signal_label,
+    table,
+)
 from tstar_rl.analysis.turns import signal_turns, turn_table
 
 __all__ = ["draw_turns", "turns"]
@@ -84,8 +92,7 @@ def _named(turns: pd.DataFrame, paper: Paper) -> tuple[pd.DataFrame, dict[str, s
     for arm in arm_order(paper, turns["arm"]):
         signals = turns.loc[turns["arm"] == arm, "signal"].unique()
         for signal in signals:
-            words = arm_label(paper, arm) + (f": {readable(signal)}" if len(signals) > 1 else "")
-            labels[f"{arm} {signal}"] = fill(words, WIDTH)
+            labels[f"{arm} {signal}"] = fill(signal_label(paper, arm, signal, len(signals)), WIDTH)
     return turns.assign(signal=turns["arm"] + " " + turns["signal"]), labels
 
 
