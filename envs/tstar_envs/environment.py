@@ -241,6 +241,9 @@ class BatchedEnvironment:
     def restore(self, snapshot: TensorDict, mask: Tensor | None = None) -> None:
         """Puts the simulations of `mask` into the states of `snapshot` (batch N), which any simulator took.
 
+        Their clocks go on: after a snapshot of the whole task an episode of one subtask may be past its time limit.
+        `reset_to` begins a new episode.
+
         Raises:
             ValueError: it is no snapshot of so many simulations of this furniture, or is at a subtask that episodes
                 here never come to; see `snapshot_check`.
@@ -276,7 +279,9 @@ class BatchedEnvironment:
         task = {name: snapshot["task", name] for name in self.state}
         if self.subtask is not None:  # what an episode of one subtask completed, it did from there on
             since = (task["subtask"] - self.subtask).clamp_min(0)
+            others = task["completed"] > since  # its last step ended another kind of episode, if any
             task["completed"] = torch.minimum(task["completed"], since)
+            task |= {name: task[name] & ~others for name in ("success", "wrong", "disturbed")}
         assign(self.state, task, mask)
         begun = self._check.begun(snapshot)
         self._begun.remove(mask & ~begun)

@@ -161,11 +161,13 @@ class GymnasiumVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         if mask is None:
             return torch.ones(self.num_envs, dtype=torch.bool)
         mask = np.asarray(mask)
-        if mask.shape != (self.num_envs,) or mask.dtype != np.bool_ or not mask.any():
+        if mask.shape != (self.num_envs,) or mask.dtype != np.bool_:
             raise ValueError(
-                f"reset option 'reset_mask' has shape ({self.num_envs},), type bool and a True somewhere; "
+                f"reset option 'reset_mask' has shape ({self.num_envs},) and type bool; "
                 f"got {mask.dtype} of shape {mask.shape}"
             )
+        if not mask.any():
+            raise ValueError("reset option 'reset_mask' resets no environment: got False everywhere")
         return torch.from_numpy(mask.copy())
 
     def _check_begun(self) -> None:

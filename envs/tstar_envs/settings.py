@@ -55,7 +55,8 @@ class TaskSettings:
     jitter_degrees: float = 5.0
     """With `jitter`: tilt of the moving connector about a random axis."""
     snap: bool = False
-    """Connecting moves the part to its ideal pose first: an easy mode, not the paper's."""
+    """Connecting moves the part to its ideal pose first: an easy mode, not the paper's. With `reset_robot: false` the
+    closed hand stays where it was, and its pads may end inside the part."""
     reset_robot: bool = True
     """The arm goes back home, gripper open, after connecting."""
     retreat_steps: int = 0

@@ -211,8 +211,8 @@ def test_mistakes_when_resetting_are_told(snapshot):
         ),
         (env, {"snapshot": snapshot[:1]}, "subtask 0 of table_lack cannot start from snapshots of subtask 1"),
         (vector, {"snapshot": snapshot}, r"of batch \(2,\) here; got batch \(3,\)"),
-        (vector, {"reset_mask": [True]}, r"shape \(2,\), type bool.*got bool of shape \(1,\)"),
-        (vector, {"reset_mask": np.zeros(2, dtype=bool)}, "a True somewhere"),
+        (vector, {"reset_mask": [True]}, r"shape \(2,\) and type bool.*got bool of shape \(1,\)"),
+        (vector, {"reset_mask": np.zeros(2, dtype=bool)}, "got False everywhere"),
         (env, [1], r"reset options are a mapping of snapshot; got \[1\]"),
         (vector, 5, "reset options are a mapping of snapshot, reset_mask; got 5"),
     ):

@@ -13,6 +13,7 @@ from torch import Tensor
 
 from tstar_envs import geometry
 from tstar_envs.experts import controller
+from tstar_envs.furniture.consistency import LEAST_TRAVEL
 from tstar_envs.physics.view import PhysicsView
 from tstar_envs.robots import sawyer
 from tstar_envs.tasks.actions import CONNECT, GRIPPER, NUM_ACTIONS
@@ -26,7 +27,7 @@ RATE = 6.0
 """Proportional gain, 1/s: at 10 Hz a step closes 60% of an error."""
 MAX_SPEED, MAX_TURN = 0.4, 1.4
 """Limits of the point that is steered, m/s and rad/s: turning a held part faster loses it."""
-HOVER, APPROACH = 0.06, 0.03
+HOVER, APPROACH = LEAST_TRAVEL, 0.03
 """Heights, m: the hand over the grasp point, the connector over its target before it is lowered."""
 ASIDE = 0.015
 """How far beside its target, m, a connector may begin to be lowered."""
@@ -84,7 +85,10 @@ class Assembler:
         farther = self._waits_farther_off(state, scene, beside, turn)
         off = depth + torch.where(ready, -GRASP_DEPTH, HOVER) + torch.where(ready, 0.0, farther)
         close = ready & (off.abs() < 0.006)
-        low = ~ready & (off > 0.03) & (self._travel_height(state) > HOVER)  # up first, then there
+        from_above = scene.retreat[:, 2] > 0.99
+        low = (
+            ~ready & (off > 0.03) & from_above & (self._travel_height(state) > HOVER)
+        )  # up first, then there
         beside = torch.where(low.unsqueeze(-1), 0.0, beside)
         return self._twist(beside + off.unsqueeze(-1) * scene.retreat, turn, close), close
 

@@ -24,6 +24,8 @@ if TYPE_CHECKING:  # it imports this module
 
 MAX_DENSITY = 20_000.0
 """kg / m^3; gold weighs 19,300."""
+LEAST_TRAVEL = 0.06
+"""m: the least height over a grasp point at which the hand comes there, and that of a step which does not say."""
 GRASP_FROM = ("above", "back")
 APPROACHES = ("above", "axis")
 
@@ -110,7 +112,7 @@ def _check_values(step: Step, where: str) -> None:
     check_unit(f"{where}.grip_angle", step.grip_angle)
     check_choice(f"{where}.grasp_from", step.grasp_from, GRASP_FROM)
     check_choice(f"{where}.approach", step.approach, APPROACHES)
-    check_number(f"{where}.travel_height", step.travel_height, least=0.06, most=0.5)
+    check_number(f"{where}.travel_height", step.travel_height, least=LEAST_TRAVEL, most=0.5)
     check_number(f"{where}.turn_height", step.turn_height, least=0.0, most=1.0)
     check_number(f"{where}.insertion", step.insertion, least=0.0, most=0.5)
     check_number(f"{where}.clearance", step.clearance, positive=True, most=0.1)
@@ -168,7 +170,11 @@ def _check_step(furniture: Furniture, step: Step, where: str) -> None:
             f"connector {moving.part}.{moving.name} allows {allowed}"
         )
     grasps = len(furniture.part(step.moving_part).grasps)
+    if not grasps:
+        raise FurnitureError(
+            f"parts.{step.moving_part}.grasps: got none, {where} moves the part and needs one"
+        )
     if type(step.grasp_index) is not int or not 0 <= step.grasp_index < grasps:
         raise FurnitureError(
-            f"{where}.grasp: got {step.grasp_index}, part {step.moving_part!r} has {grasps} grasps"
+            f"{where}.grasp: got {step.grasp_index!r}, valid: 0 to {grasps - 1}, the grasps of {step.moving_part}"
         )

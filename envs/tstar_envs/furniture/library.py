@@ -88,7 +88,7 @@ def load(name: str) -> Furniture:
     """
     if not isinstance(name, str):
         raise FurnitureError(
-            f"furniture is called by a name, got {name!r}: valid: {', '.join(map(repr, names()))}"
+            f"furniture is called by a name, got {short(name)}: valid: {', '.join(map(repr, names()))}"
         )
     return _load(name)[0]
 

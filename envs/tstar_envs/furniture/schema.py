@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from tstar_envs.furniture.consistency import check_furniture
+from tstar_envs.furniture.consistency import LEAST_TRAVEL, check_furniture
 from tstar_envs.furniture.errors import FurnitureError, did_you_mean
 from tstar_envs.furniture.shapes import IDENTITY, Box, Capsule, Cylinder, Quat, Shape, Vec3
 
@@ -91,7 +91,7 @@ class Step:
     Attributes:
         angle: which of the allowed rotations the assembly's drawing names, rad about the connectors' up axis. Where the
             part ends half a turn from its start, the sign says which way round it comes: as q or as -q.
-        waypoint: where to lift the part, (dx, dy, dz) from where it lay, m.
+        waypoint: the reward's lift point, (dx, dy, dz) from where the part lay, m; the script does not read it.
         grasp_index: which of the moving part's grasps to take.
         grip_angle: the hand's approach direction in the world while it grasps, a unit vector.
         grasp_from: where the hand waits before it grasps: `above` the grasp point, or `back` along `grip_angle`, as it
@@ -114,7 +114,7 @@ class Step:
     grasp_index: int = 0
     grip_angle: Vec3 = DOWN
     grasp_from: str = "above"
-    travel_height: float = 0.06
+    travel_height: float = LEAST_TRAVEL
     turn_height: float = 0.0
     approach: str = "above"
     insertion: float = 0.0
@@ -126,7 +126,7 @@ class Furniture:
     """A piece of furniture. Parts are in the order of the observation, steps in the order of assembly.
 
     Attributes:
-        z_finedist: height above the target from which a part is lowered finely, m.
+        z_finedist: height above the target, m, to which the reward's phase `move_leg` leads the connector.
         no_contact: pairs of parts that pass through each other (docs/decisions/0007-chair.md).
         contact_impedance: MuJoCo's constraint impedance of the parts' contacts, in (0, 1): the nearer to 1 the
             stiffer. None is MuJoCo's own, 0.9 to 0.95, too soft where a light part carries heavier ones.

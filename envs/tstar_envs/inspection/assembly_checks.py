@@ -138,10 +138,16 @@ def _way_in(workshop: Workshop, k: int) -> Iterator[Finding]:
     pairs = [(i, j) for i in group for j in others if frozenset((names[i], names[j])) not in free]
     after = workshop.nominal[k + 1]
     workshop.place(after)
+    in_floor = {i: -workshop.lowest(i) for i in group}
     for i in group:
-        if workshop.lowest(i) < -INSIDE:
-            depth = -1000 * workshop.lowest(i)
+        if in_floor[i] > INSIDE:
+            depth = 1000 * in_floor[i]
             yield wrong(f"steps[{k}]", f"{names[i]} is {depth:.0f} mm in the floor when the connectors meet")
+        if k + 1 < len(workshop.furniture.steps) and workshop.gap_to_hand(i) < 0:
+            yield wrong(
+                f"steps[{k}]",
+                f"{names[i]} is where the hand is put home after the step: move the target away from (0, 0.09)",
+            )
     inside = {(i, j): -workshop.gap(i, j) for i, j in pairs}
     for (i, j), depth in inside.items():
         if depth > INSIDE:
@@ -154,12 +160,13 @@ def _way_in(workshop: Workshop, k: int) -> Iterator[Finding]:
         poses = after.copy()
         poses[group, :3] += back * out
         workshop.place(poses)
-        hits = [(i, j) for i, j in pairs if -workshop.gap(i, j) > max(ON_THE_WAY, inside[i, j])]
+        hits = [(i, names[j]) for i, j in pairs if -workshop.gap(i, j) > max(ON_THE_WAY, inside[i, j])]
+        hits += [(i, "the floor") for i in group if -workshop.lowest(i) > max(ON_THE_WAY, in_floor[i])]
         if hits:
-            i, j = hits[0]
+            i, what = hits[0]
             yield wrong(
                 f"steps[{k}]",
-                f"{names[i]} would go through {names[j]} {1000 * back:.0f} mm before the connectors meet "
+                f"{names[i]} would go through {what} {1000 * back:.0f} mm before the connectors meet "
                 f"(approach: {step.approach})",
             )
             return

@@ -13,6 +13,8 @@ from tstar_envs.tasks.phase_reward import PHASES
 
 SPEED = 0.4
 """Velocity scale of a trial, as skills are trained at on a small machine."""
+LONG = 120
+"""Control steps: skills are trained in episodes of 150, and a learned one is slower than the script."""
 
 
 class Trial(NamedTuple):
@@ -35,6 +37,8 @@ class Trial(NamedTuple):
         if self.other_way:
             how += "; it turns the part the other way round than the starts have it in which the next skill learns,"
             how += " so that its quaternion has another sign (write degrees: -180 for 180, or 180 for -180)"
+        if self.step is not None and self.length > LONG:
+            how += f"; that is more than {LONG}, and skills are trained in episodes of 150: shorten the step"
         took = f", in {self.length:.0f} control steps" if self.success else ""
         return f"{what}: {self.success:.0%} of {self.episodes}{took}{how}"
 
@@ -46,7 +50,7 @@ def try_out(furniture: Furniture, step: int | None, episodes: int = 20, seed: in
     world.reset()
     expert, none = world.expert(), torch.zeros(episodes, dtype=torch.bool)
     running, success, wrong, touched, failed = ~none, none.clone(), none.clone(), none.clone(), none.clone()
-    other_way = none.clone()
+    other_way, completed = none.clone(), torch.zeros(episodes, dtype=torch.int64)
     length, phase = torch.zeros(episodes), torch.zeros(episodes, dtype=torch.int64)
     while running.any():
         world.step(expert.act(world.state))
@@ -55,7 +59,9 @@ def try_out(furniture: Furniture, step: int | None, episodes: int = 20, seed: in
         won = world.state["success"] & running
         if bool(won.any()):
             other_way |= won & _other_way(world, step)
-        touched |= world.task.scene(world.state).touching & running
+        on = world.state["completed"] > completed  # at the next step, whose part was not touched yet
+        completed = torch.maximum(completed, world.state["completed"])
+        touched = (touched & ~on) | (world.task.scene(world.state).touching & running)
         length += running
         phase = torch.where(running & ~success, torch.maximum(phase, world.state["phase"]), phase)
         terminated, truncated = world.task.get_termination(world.state)
@@ -73,7 +79,10 @@ def try_out(furniture: Furniture, step: int | None, episodes: int = 20, seed: in
     turned = int(other_way.sum()) > int(success.sum()) / 2
     one_step = step is not None and bool(success.any())
     furthest = PHASES[int(phase[success].median())] if one_step else PHASES[-1]
-    return Trial(step, episodes, share, mean, _words(ends, ~success), furthest, turned)
+    failures = _words(ends, ~success)
+    if step is None and failures:
+        failures += f", most at steps[{int(completed[~success].mode().values)}]"
+    return Trial(step, episodes, share, mean, failures, furthest, turned)
 
 
 def _other_way(world: BatchedEnvironment, step: int | None) -> Tensor:

@@ -63,7 +63,10 @@ def test_a_connector_is_joined_once():
             lambda c: changed_step(c, waypoint=(0, 0)),
             r"steps\[0\].waypoint: got \(0, 0\), expected 3 numbers",
         ),
-        (lambda c: changed_step(c, grasp_index=0.0), r"steps\[0\].grasp: got 0.0, part 'side' has 2 grasps"),
+        (
+            lambda c: changed_step(c, grasp_index=0.0),
+            r"steps\[0\].grasp: got 0.0, valid: 0 to 1, the grasps of side",
+        ),
         (
             lambda c: changed_step(c, grip_angle=(0, 0, -3)),
             r"steps\[0\].grip_angle: got \[0, 0, -3\] of length 3",

@@ -74,7 +74,14 @@ def test_unknown_furniture_is_told_the_nearest_name():
             lambda d: put(d, "steps", 0, "degrees", 90),
             r"steps\[0\].degrees: got 90 degrees, .* allows 0, 180",
         ),
-        (lambda d: put(d, "steps", 0, "grasp", 2), r"steps\[0\].grasp: got 2, part 'side' has 2 grasps"),
+        (
+            lambda d: put(d, "steps", 0, "grasp", 2),
+            r"steps\[0\].grasp: got 2, valid: 0 to 1, the grasps of side",
+        ),
+        (
+            lambda d: d["parts"]["side"].pop("grasps"),
+            r"parts.side.grasps: got none, steps\[0\] moves the part",
+        ),
         (
             lambda d: put(d, "steps", 0, "grasp", 0.7),
             r"chair.yaml: steps\[0\].grasp: got 0.7, expected a whole number",

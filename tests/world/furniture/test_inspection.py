@@ -7,6 +7,8 @@ import yaml
 
 from tstar_envs.furniture import library
 from tstar_envs.inspection import inspect, try_out
+from tstar_envs.inspection.trial import Trial
+from tstar_envs.tasks.phase_reward import PHASES
 
 
 @pytest.mark.parametrize("name", library.names())
@@ -50,6 +52,17 @@ def _under_a_roof(data):
     _step(data, insertion=0.15)
 
 
+def _under_the_hand(data):
+    """A corner of the top below the hand at home, on which a leg stands up into it."""
+    data["parts"]["table_top"]["initial_pose"] = [0.305, 0.185, 0.02, 0, 1, 0, 0]
+
+
+def _from_below(data):
+    """A top that hangs 26 cm up, right side up: a leg that comes along the connectors' axis has 17 mm of floor."""
+    data["parts"]["table_top"]["initial_pose"] = [-0.19, 0, 0.3, 1, 0, 0, 0]
+    _step(data, approach="axis")
+
+
 @pytest.mark.parametrize(
     ("change", "wrong", "where", "words"),
     [
@@ -91,6 +104,8 @@ def _under_a_roof(data):
         (lambda d: d["parts"]["leg_2"]["connectors"]["top_end"].update(pos=[0, 0, 0.2]), False,
          "parts.leg_2.connectors.top_end.pos", "floats 69 mm off"),
         (_under_a_roof, True, "steps[0]", "leg_2 would go through table_top"),
+        (_under_the_hand, True, "steps[0]", "leg_2 is where the hand is put home after the step"),
+        (_from_below, True, "steps[0]", "leg_2 would go through the floor 20 mm before the connectors meet"),
         (_second_pegs, False, "steps[0]", "leg_2.peg and table_top.hole meet there, too, and are no step's"),
         (lambda d: _leg(d, boxes=[{"size": [0.1, 0.015, 0.13], "pos": [0.05, 0, 0]}]), True,
          "steps[0].grasp", "nothing of leg_2 is between the fingers there, or it is wider than 200 mm"),
@@ -171,6 +186,23 @@ def test_the_script_says_how_it_fails(table):
     trial = try_out(library.read(table(lambda d: _leg(d, grasps=[beside]))), 0, episodes=2)
     assert trial.success == 0.0 and trial.failures == "2 never had the part between both fingers"
     assert str(trial) == "steps[0]: 0% of 2; 2 never had the part between both fingers"
+
+
+def test_the_script_says_at_which_step_a_whole_piece_fails(table):
+    """The first leg is joined; the second is never touched, so it is not the first that was lost."""
+    beside = {"left": [-0.02, 0, 0.3], "right": [0.02, 0, 0.3]}
+
+    def change(data):
+        data["parts"]["leg_3"]["grasps"] = [beside]
+
+    trial = try_out(library.read(table(change)), None, episodes=2)
+    assert trial.failures == "2 never had the part between both fingers, most at steps[1]"
+
+
+def test_a_long_step_is_named():
+    trial = Trial(0, 4, 1.0, 120.5, "", PHASES[-1], False)
+    assert "more than 120" in str(trial) and "more than" not in str(trial._replace(length=120.0))
+    assert "more than" not in str(trial._replace(step=None))
 
 
 def test_a_lift_point_that_the_script_does_not_come_by_is_named(table):
