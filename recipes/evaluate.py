@@ -19,7 +19,7 @@ from tensordict import TensorDictBase
 from torch import nn
 from tqdm import tqdm
 
-from tstar_rl.chaining.chain import chain_of
+from tstar_rl.chaining.chain import chain_record
 from tstar_rl.chaining.recovery import RecoveringChain
 from tstar_rl.config.build import environment, load_skill
 from tstar_rl.config.chain import check_links
@@ -131,7 +131,7 @@ def _trained(config: DictConfig, results: Path, found: Found) -> Candidate:
     for index, folder in enumerate(found.folders):
         skill = run_path(config.results_dir, config.task.name, config.skills, config.seed, index)
         check_world(config, folder, skill if is_untrained(config.system) else None)
-    whole = chain_of(found.folders[0])  # one that a training replaces meanwhile is not read by halves
+    whole = chain_record(found.folders[0])  # one that a training replaces meanwhile is not read by halves
     skills = [load_skill(folder, task=config.task.name, chain=whole) for folder in found.folders]
     spent = spent_on(config, results, found)
     if not found.chain:

@@ -17,7 +17,11 @@ import tstar_rl as rl
 
 @rl.recipe("refitted", from_checkpoint=str)
 def main(config: DictConfig) -> None:
-    """Runs the chain once, widens every skill's normaliser, and saves the chain; logs how many inputs were widened."""
+    """Runs the chain once, widens every skill's normaliser, and saves the chain; logs how many inputs were widened.
+
+    Raises:
+        InvalidValueError: if none was.
+    """
     if config.chain.path_steps < 1:
         raise rl.InvalidValueError(
             "normalisers see the ends of episodes: chain.path_steps must be at least 1, got 0"
@@ -27,8 +31,14 @@ def main(config: DictConfig) -> None:
     run = rl.chain_run(config, len(skills))
     run.start()
     trial = rl.run_trial(skills, env, chain.path_steps)
-    for index, (skill, found) in enumerate(zip(skills, trial.skills, strict=True)):
-        run.log(trial.steps(), skill=index, widened_inputs=skill.normalizer.widen(found.path.states))
+    found = zip(skills, trial.skills, strict=True)
+    widened = [skill.normalizer.widen(skills_trial.path.states) for skill, skills_trial in found]
+    if not any(widened):
+        raise rl.InvalidValueError(
+            "no input varies more in the chain than it did in training: the chain would be the skills as they are"
+        )
+    for index, inputs in enumerate(widened):
+        run.log(trial.steps(), skill=index, widened_inputs=inputs)
     rl.save_chain(skills, run.work / "last", **run.origin, env_steps=trial.steps())
     run.finish()
 

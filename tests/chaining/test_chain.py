@@ -10,6 +10,7 @@ from tstar_rl.chaining.chain import load_chain
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.chaining.turns import Turn
 from tstar_rl.checks import InvalidValueError
+from tstar_rl.models.normalizer import Normalizer
 from tstar_rl.runs.mismatch import CheckpointMismatchError
 from tstar_rl.runs.run_config import read_config, write_config
 
@@ -171,6 +172,12 @@ def test_a_chain_is_refitted_to_its_own_states(point_chain, tmp_path):
         assert torch.equal(skill.normalizer.loc, first.normalizer.loc)
         for name, value in first.policy.named_parameters():
             assert torch.equal(value, dict(skill.policy.named_parameters())[name])
+
+
+def test_a_chain_that_refitting_does_not_change_is_refused(point_chain, monkeypatch):
+    monkeypatch.setattr(Normalizer, "widen", lambda normalizer, obs: 0)
+    with pytest.raises(InvalidValueError, match="no input varies more in the chain than it did in training"):
+        point_chain("refitted", "scale=laptop", "chain.trial_episodes=16")
 
 
 def test_a_floor_raised_after_the_fact_changes_the_inputs_alone(point_chain, tmp_path):

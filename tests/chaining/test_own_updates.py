@@ -9,7 +9,7 @@ from tstar_rl.chaining.training import Training
 from tstar_rl.chaining.turn_updates import TurnUpdates
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.signal_equations import outcome_loss
-from tstar_rl.updates import DiscriminatorSettings, LabelledSettings
+from tstar_rl.updates import DiscriminatorSettings, DiscriminatorUpdate, LabelledSettings
 
 
 class Counter:
@@ -86,6 +86,31 @@ def test_networks_that_a_turn_trains_of_any_skill_are_put_back(point_chain, monk
     assert not any(bool((values == 7.0).all()) for values in first.network("further").parameters())
 
 
+@pytest.mark.parametrize("carry_over", ["true", "false"])
+def test_one_may_train_a_network_of_the_skill_that_has_its_name(monkeypatch, whole_and_resumed, carry_over):
+    """One of the library's kind, too; in a second turn of the skill and in a run that goes on the network is there."""
+    policy_update, got = TurnUpdates.policy_update, []
+
+    def with_network(turn):
+        def make():
+            network = turn.skill.add_network("mine")
+            return DiscriminatorUpdate("mine", network, LABELS, DiscriminatorSettings(), turn.seed)
+
+        got.append(turn.keep("mine", make))
+        return policy_update(turn)
+
+    monkeypatch.setattr(TurnUpdates, "policy_update", with_network)
+    whole, resumed = whole_and_resumed(
+        "policy_sequencing",
+        "chain.gate=false",
+        "chain.links=2",
+        "chain.rounds=2",
+        f"chain.carry_over={carry_over}",
+    )
+    pd.testing.assert_frame_equal(resumed, whole)
+    assert (got[0] is got[2]) == (carry_over == "true")
+
+
 @pytest.mark.parametrize("name", ["policy", "f_phi"])
 def test_a_name_of_an_update_that_is_there_is_refused(point_chain, monkeypatch, name):
     monkeypatch.setattr(TurnUpdates, "policy_update", lambda turn: turn.keep(name, Counter))
@@ -125,7 +150,7 @@ LABELS = {"initiation": 1.0, "termination": 0.0}
 @pytest.mark.parametrize(
     "again, message",
     [
-        (lambda turn: turn.keep("further", Counter), "it is the update of a neighbour's network"),
+        (lambda turn: turn.keep("further", Counter), "it is the library's update of a network"),
         (
             lambda turn: turn.labelled_update("further", turn.previous, outcome_loss, LabelledSettings()),
             "update_further is a DiscriminatorUpdate already, not a LabelledUpdate",

@@ -48,6 +48,7 @@ def test_successes_reach_the_sets(scale, carry_over, point_chain, monkeypatch):
         f"scale={scale}",
         "device=cpu",
         "chain.capacity=4096",  # that of the point's skills
+        "chain.d_omega_of=next",  # where each has its own, one round is refused
         f"training.num_envs={SIMULATIONS}",
         f"training.horizon={horizon}",
         f"chain.steps_per_turn={SIMULATIONS * horizon * rollouts}",

@@ -47,6 +47,10 @@ def test_a_signal_that_says_nothing_of_a_state_is_refused_before_the_turn():
         InvalidValueError, match=r"turn.signal\('odd'\) takes what has said\(obs\).*; Linear has none"
     ):
         Turn.signal(turn, "odd", torch.nn.Linear(1, 1))
+    with pytest.raises(
+        InvalidValueError, match=r"turn.signal\('odd'\): label must be one of success, share; got 'shares'"
+    ):
+        Turn.signal(turn, "odd", SimpleNamespace(said=None), label="shares")
     assert not turn.signals
 
 

@@ -156,7 +156,7 @@ def test_whose_d_omega_a_turn_trains(d_omega_of, point_chain, monkeypatch):
         changed[turn.index] = [i for i, (a, b) in pairs if any(not torch.equal(a[k], b[k]) for k in a)]
 
     monkeypatch.setattr(Turn, "rollouts", watched)
-    point_chain("tstar", *SHORT, "chain.links=3", f"chain.d_omega_of={d_omega_of}")
+    point_chain("tstar", *SHORT, "chain.links=3", "chain.rounds=2", f"chain.d_omega_of={d_omega_of}")
     assert changed == ({0: [1], 1: [2], 2: []} if d_omega_of == "next" else {0: [], 1: [1], 2: [2]})
 
 

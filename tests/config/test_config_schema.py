@@ -74,6 +74,11 @@ def test_what_reads_like_a_value_that_is_not_read_and_is():
     checked("tstar", "chain.logged_skill=9", "chain.logged_states=0")
     checked("in_order", "skills=gail_ppo", "demonstrated_ends=0")
     checked("in_order_cloned", "skills=bc_noisy")
+    checked("hand_over_value", "skills=bc", "chain.order=backward")
+    checked("tstar", "chain.d_omega_of=own", "chain.rounds=2")
+    checked("bc", "scale=paper", "subtask=0", "networks.std=fixed")  # an entropy_coeff that is PPO's
+    checked("tstar", "scale=paper", "networks.std=fixed", "+chain.ppo.entropy_coeff=0")
+    checked("gail_ppo", "subtask=0", "warm_start=false", "normalizer.running=true")
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ from tstar_rl.runs.files import replacing_folder
 from tstar_rl.runs.run_folder import made_by
 from tstar_rl.runs.saved_kinds import kind_of
 
-__all__ = ["ChainPolicy", "chain_folders", "chain_of", "check_links", "load_chain", "save_chain"]
+__all__ = ["ChainPolicy", "chain_folders", "chain_record", "check_order", "load_chain", "save_chain"]
 
 
 class ChainPolicy(TensorDictModuleBase):
@@ -47,7 +47,7 @@ class ChainPolicy(TensorDictModuleBase):
                 else ", ".join(type(each).__name__ for each in ([skills] if alone else skills))
             )
             raise InvalidValueError(f"a chain is made of skills, as load_chain(path) gives them; got {got}")
-        check_links(skills)
+        check_order(skills)
         self.in_keys, self.out_keys = ["observation", "subtask"], ["action"]
         self.policies = nn.ModuleList(skill.policy for skill in skills)
         self._piece, self._width = skills[0].task, skills[0].obs_dim
@@ -79,7 +79,7 @@ class ChainPolicy(TensorDictModuleBase):
         return tensordict.set("action", action.reshape(*tensordict.batch_size, action.shape[-1]))
 
 
-def check_links(skills: Sequence[Skill]) -> None:
+def check_order(skills: Sequence[Skill]) -> None:
     """Raises InvalidValueError unless these are the skills of subtasks 0, 1, ... of one task, in order."""
     order, tasks = [skill.subtask for skill in skills], {skill.task for skill in skills}
     if not order or order != list(range(len(order))):
@@ -95,9 +95,9 @@ def save_chain(skills: Sequence[Skill], path: str | Path, **record: Any) -> None
     which chain it is of and how many skills that has, so that none can be lost unnoticed.
 
     Raises:
-        InvalidValueError: for skills that make no chain; see `check_links`. What is there stays.
+        InvalidValueError: for skills that make no chain; see `check_order`. What is there stays.
     """
-    check_links(skills)
+    check_order(skills)
     whole = {"id": uuid.uuid4().hex, "skills": len(skills)}
     with replacing_folder(Path(path)) as stage:
         for index, skill in enumerate(skills):
@@ -142,11 +142,11 @@ def load_chain(path: str | Path, **expected: Any) -> list[Skill]:
     folders = chain_folders(path)
     if not folders:
         raise MissingFileError(f"no chain at {path}{_where_else(path)}")
-    whole = chain_of(folders[0])
+    whole = chain_record(folders[0])
     return [Skill.load(folder, **expected, chain=whole) for folder in folders]
 
 
-def chain_of(skill: Path) -> dict[str, Any] | None:
+def chain_record(skill: Path) -> dict[str, Any] | None:
     """What the skill saved in a folder says of the chain that it is of, as `chain` of what is expected; None: of none.
 
     Skills that are loaded one by one with it are of one chain, though another takes its place meanwhile.

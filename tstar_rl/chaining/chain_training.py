@@ -87,6 +87,7 @@ class ChainTraining:
     asked: set[str] = field(default_factory=set)
     seeding_steps: int = 0
     _kept: dict[int, dict[str, Any]] = field(default_factory=dict)
+    _own: dict[int, set[str]] = field(default_factory=dict)
     _waiting: dict[str, Any] = field(default_factory=dict)
     """States of what a resumed run has not made yet, as "<index>/<name>"."""
 
@@ -151,6 +152,10 @@ class ChainTraining:
         """The updates and the collection of skill `index`, by name; a turn adds those that it makes."""
         return self._kept.setdefault(index, {})
 
+    def own_by(self, index: int) -> set[str]:
+        """The names among `kept_by` of updates that are a recipe's own."""
+        return self._own.setdefault(index, set())
+
     def restore(self, index: int, name: str) -> None:
         """Loads the state that a checkpoint had of something which has just been made."""
         state = self._waiting.pop(f"{index}/{name}", None)
@@ -169,6 +174,7 @@ class ChainTraining:
             kept.pop("collection").close()
         if not self.settings.carry_over:
             kept.clear()
+            self.own_by(index).clear()
 
     def close(self) -> None:
         """Frees the simulations."""

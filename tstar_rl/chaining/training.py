@@ -32,10 +32,11 @@ from tstar_rl.updates import (
     PolicyUpdate,
     PPOSettings,
 )
-from tstar_rl.updates.sampled import SampledUpdate
 
 __all__ = ["AnyUpdate", "Distance", "Training", "TrainingSettings", "Update"]
 
+OF_THE_LIBRARY = ("policy", "f_phi", "d_omega")
+"""Names whose updates are the library's in every recipe."""
 Distance = Callable[[Tensor, Tensor], Tensor]
 """From what a network says of states and their labels, of one shape, to a scalar."""
 
@@ -89,6 +90,8 @@ class Training:
     ) -> None:
         self.skill, self.expert, self.run, self.settings = skill, expert, run, settings
         self.collection, self.seed, self.steps = collection, seed, run.env_steps
+        self.own: set[str] = set()
+        """Names of the updates that `keep` made."""
         self._row: dict[str, Any] | None = None
         self._collects = False
 
@@ -133,14 +136,14 @@ class Training:
             InvalidValueError: if it has no state, see `Update`, the name is that of another update, or there was a
                 rollout already.
         """
-        if name == "policy" or name in self.skill.networks:
+        if name in OF_THE_LIBRARY:
             raise InvalidValueError(
                 f"keep({name!r}): {name} has an update of the library's; give yours another name"
             )
         if (known := self._carried(name)) is not None:
-            if isinstance(known, SampledUpdate):
+            if name not in self.own:
                 raise InvalidValueError(
-                    f"keep({name!r}): it is the update of a neighbour's network; give yours another name"
+                    f"keep({name!r}): it is the library's update of a network; give yours another name"
                 )
             return known
         with generators_stay(self.skill.initiation_set.device):
@@ -150,6 +153,7 @@ class Training:
                 f"keep({name!r}) takes what makes an update with state_dict and load_state_dict, so that a run goes on "
                 f"where it stopped; {type(made).__name__} lacks one"
             )
+        self.own.add(name)
         return self._keep(f"update_{name}", made)
 
     def _carried(self, name: str) -> Any:

@@ -39,7 +39,13 @@ def clone_from_ends(turn: TurnUpdates, share: float, cloning: BehaviourCloningSe
         return
     _check_that_it_is_the_only_turn(turn)
     number = max(round(share * len(turn.expert)), 1)
-    if turn.previous is None or not len(turn.previous.termination_set):
+    if turn.previous is None:
+        return
+    if not len(turn.previous.termination_set):
+        print(
+            f"skill {turn.index}: the skill before has not succeeded, so no demonstration begins where it ends, and "
+            "its clone stays as it is"
+        )
         return
     before, skill = turn.previous.termination_set, turn.skill
     made = turn.chain.workshop.demonstrations(turn.index, before, number, turn.seed)

@@ -15,7 +15,7 @@ from tstar_rl.chaining.training import AnyUpdate, Distance, Training
 from tstar_rl.chaining.warm_up import check_that_policies_learn
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.models.networks import Discriminator
-from tstar_rl.rollouts.labels import Label
+from tstar_rl.rollouts.labels import LABELS, Label
 from tstar_rl.updates import (
     DiscriminatorSettings,
     DiscriminatorUpdate,
@@ -56,6 +56,7 @@ class TurnUpdates(Training):
             collection = self.kept["collection"] = chain.workshop.collection(skills[index], seed, before)
             chain.restore(index, "collection")
         super().__init__(skills[index], chain.experts[index], chain.run, chain.training, collection, seed)
+        self.own = chain.own_by(index)
         self.chain, self.index, self.previous = chain, index, previous
         self.following = skills[index + 1] if index + 1 < len(skills) else None
         seam = (self.skill, self.following) if chain.settings.d_omega_of == "next" else (previous, self.skill)
@@ -165,8 +166,12 @@ class TurnUpdates(Training):
         Without a gate there is a trial after every `chain.trial_every` turns alone.
 
         Raises:
-            InvalidValueError: if it cannot be asked what it says of a state; see `Signal`.
+            InvalidValueError: if it cannot be asked what it says of a state, see `Signal`; for another label.
         """
+        if label not in LABELS:
+            raise InvalidValueError(
+                f"turn.signal({name!r}): label must be one of {', '.join(LABELS)}; got {label!r}"
+            )
         if not hasattr(signal, "said"):
             raise InvalidValueError(
                 f"turn.signal({name!r}) takes what has said(obs), (n, O) -> (n, 1), by which the turn judges it; "

@@ -17,7 +17,6 @@ from torch import Tensor
 
 from tstar_rl.chaining import turn_starts
 from tstar_rl.chaining.chain_training import ChainTraining
-from tstar_rl.chaining.seam import Seam
 from tstar_rl.chaining.signals import judge
 from tstar_rl.chaining.trials import Trial, run_trial
 from tstar_rl.chaining.turn_updates import TurnUpdates
@@ -26,7 +25,7 @@ from tstar_rl.runs.chain_rows import calibration_rows, terminal_state_rows
 from tstar_rl.transforms.terminal_state_reward import TerminalStateReward
 from tstar_rl.updates import BehaviourCloningSettings
 
-__all__ = ["Seam", "Turn", "chain_turns"]
+__all__ = ["Turn", "chain_turns"]
 
 
 class Turn(TurnUpdates):

@@ -19,10 +19,11 @@ from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.build import environment, load_demonstrations, make_collection, training_settings
 from tstar_rl.config.check import ConfigError
 from tstar_rl.config.ranges import chain_length, turn_shape
-from tstar_rl.config.values import plain
+from tstar_rl.config.values import plain, settings
 from tstar_rl.config.worlds import check_world
 from tstar_rl.demonstrations.collect import collect
 from tstar_rl.demonstrations.data_set import Demonstrations
+from tstar_rl.models.network_settings import NetworkSettings
 from tstar_rl.rollouts.collection import Collection
 from tstar_rl.rollouts.ray_collection import RayCollection
 from tstar_rl.rollouts.state_sets import TerminationSet
@@ -97,7 +98,8 @@ def chain_run(config: DictConfig, links: int, total: int | None = None, trials: 
 
 def _check_sizes(config: DictConfig, skill: Skill) -> None:
     built = {"networks": asdict(skill.settings), "chain": {"capacity": skill.initiation_set.capacity}}
-    wanted = {"networks": plain(config.networks), "chain": {"capacity": config.chain.capacity}}
+    networks = asdict(settings(NetworkSettings, config.networks))
+    wanted = {"networks": networks, "chain": {"capacity": config.chain.capacity}}
     wrong, values = differences(built, wanted), config.normalizer
     floor = None if values.running else skill.normalizer.floor_found()
     if floor is not None and not math.isclose(floor, values.floor, rel_tol=1e-5):

@@ -46,6 +46,10 @@ NAMELESS = {
     "parity": "it compares two simulators",
 }
 """Recipes that read no system, and what says what they do."""
+WITHOUT_PPO = ("bc", "spirl", "in_order_cloned")
+"""Recipes that train policies, and have no PPO."""
+WITHOUT_WORKERS = ("bc", "spirl")
+"""Recipes that train policies, and collect nothing on a cluster."""
 LOGGED = 2
 """chain.logged_skill of every scale, whatever the furniture: where a chain has fewer skills, it logs no states."""
 
@@ -88,7 +92,9 @@ def check_what_is_not_read(values: Mapping[str, Any], name: str) -> None:
         limits = "spirl.max_steps" if name == "spirl" else limits
         raise ConfigError(f"env.max_steps is not read in training: the time limit there is {limits}")
     _check_asked(values, name)
-    _check_demonstrations(values.get("demonstrations") or {})
+    _check_demonstrations(values.get("demonstrations") or {}, name)
+    if name in WITHOUT_WORKERS and values["collection"]["backend"] == "ray":
+        raise ConfigError(f"collection.backend must be local for {name}, got ray: it has no workers")
     _check_rewards(values, name)
     _check_normalizer(values, name)
     _check_entropy(values, name)
@@ -116,7 +122,11 @@ def _check_asked(values: Mapping[str, Any], name: str) -> None:
         )
 
 
-def _check_demonstrations(made: Mapping[str, Any]) -> None:
+def _check_demonstrations(made: Mapping[str, Any], name: str) -> None:
+    if name in ("make_demonstrations", "assemble") and made.get("file") is not None:
+        raise ConfigError(
+            f"demonstrations.file must be null for {name}, got {made['file']}: it makes the script's, and reads none"
+        )
     for key in ("observation_key", "filter_key"):
         if made.get(key) is not None and made.get("file") is None:
             raise ConfigError(
@@ -130,6 +140,8 @@ def _check_rewards(values: Mapping[str, Any], name: str) -> None:
         raise ConfigError(
             f"reward.weights.gail must be 0 for ppo, which makes no such reward; gail_ppo does; got {weights['gail']}"
         )
+    if name == "spirl" and values["reward"].get("weights") is None:
+        raise ConfigError("reward.weights must be given for spirl, which makes no reward but env; got null")
     further = {term: weight for term, weight in weights.items() if weight and term != "env"}
     if name == "spirl" and further:
         said = ", ".join(f"reward.weights.{term}={weight}" for term, weight in further.items())
@@ -169,28 +181,33 @@ def _check_normalizer(values: Mapping[str, Any], name: str) -> None:
         )
     if name == "spirl":
         raise ConfigError(f"{told}: its normaliser is fitted to the demonstrations, and stays")
+    if name in ("ppo", "gail", "gail_ppo") and values["warm_start"]:
+        raise ConfigError(
+            f"{told} with warm_start=true: the first rollouts would change the inputs of the clone that it begins "
+            "with; set one of the two to false"
+        )
 
 
 def _check_entropy(values: Mapping[str, Any], name: str) -> None:
     """Refuses a bonus for an entropy that nothing changes."""
-    sections = {"ppo": values.get("ppo") or {}, "chain.ppo": (values.get("chain") or {}).get("ppo") or {}}
-    asked = [
-        f"{key}.entropy_coeff={each['entropy_coeff']}"
-        for key, each in sections.items()
-        if each.get("entropy_coeff")
-    ]
-    if name in (*ONE_POLICY, *FINE_TUNING) and values["networks"]["std"] == "fixed" and asked:
+    if name not in (*ONE_POLICY, *FINE_TUNING) or name in WITHOUT_PPO or values["networks"]["std"] != "fixed":
+        return
+    key, asked = "ppo", values["ppo"]
+    if name in FINE_TUNING and "entropy_coeff" in values["chain"]["ppo"]:
+        key, asked = "chain.ppo", values["chain"]["ppo"]
+    if asked.get("entropy_coeff"):
         raise ConfigError(
-            f"networks.std=fixed is a deviation that does not learn, so no entropy can rise; got {', '.join(asked)}: "
-            "set it to 0, or networks.std=state"
+            "networks.std=fixed is a deviation that does not learn, so no entropy can rise; got "
+            f"{key}.entropy_coeff={asked['entropy_coeff']}: set it to 0, or networks.std=state"
         )
 
 
 def _check_chain(values: Mapping[str, Any], name: str) -> None:
-    chain, subtasks = values["chain"], values["task"]["subtasks"]
-    if chain["logged_states"] and chain["logged_skill"] >= max(subtasks, LOGGED + 1):
+    chain = values["chain"]
+    links = chain["links"] or values["task"]["subtasks"]
+    if chain["logged_states"] and chain["logged_skill"] >= max(links, LOGGED + 1):
         raise ConfigError(
-            f"chain.logged_skill must be in 0..{subtasks - 1} for {values['task']['name']}, got {chain['logged_skill']}"
+            f"chain.logged_skill must be in 0..{links - 1} in a chain of {links} skills, got {chain['logged_skill']}"
         )
     if chain["gate"] and chain["trial_every"] != 1:
         raise ConfigError(
@@ -201,9 +218,28 @@ def _check_chain(values: Mapping[str, Any], name: str) -> None:
         rollouts, _ = turn_shape(values)
         warm_up = {**values["ppo"], **chain["ppo"]}.get("critic_warmup", 0)
         check_that_policies_learn(warm_up, rollouts, chain["rounds"], chain["carry_over"], chain["order"])
-    starts = chain["starts"]
+    own_only = chain["d_omega_of"] == "own" and chain["rounds"] == 1 and chain["order"] == "forward"
+    if name == "tstar" and own_only:
+        raise ConfigError(
+            "chain.rounds must be at least 2 for tstar with chain.d_omega_of=own, got 1: the d_omega that pays a skill "
+            "learns in the next skill's turn, and would pay nothing before that; or set chain.d_omega_of=next"
+        )
     if (
-        name in LEARN_FROM_KEPT
+        name == "hand_over_value"
+        and values["skills"].partition("_")[0] == "bc"
+        and chain["order"] != "backward"
+    ):
+        raise ConfigError(
+            f"chain.order must be backward for hand_over_value with clones, got {chain['order']}: a clone's critic has "
+            "learned nothing before its own turn, and would pay the skill before; or chain other skills"
+        )
+    if name == "in_order_cloned" and not values["demonstrated_ends"]:
+        raise ConfigError(
+            "demonstrated_ends must be above 0 for in_order_cloned, which learns from nothing else, got 0"
+        )
+    starts, in_order = chain["starts"], bool(values.get("demonstrated_ends"))
+    if (
+        (name in LEARN_FROM_KEPT or in_order)
         and chain["kept_states"] == "chained"
         and not starts.get("gaussian", 0.0) + starts.get("buffer", 0.0)
     ):
