@@ -12,7 +12,9 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.load import recipe
+from tstar_rl.config.overrides import key_of, section_of
 from tstar_rl.launch.backends import launcher
 from tstar_rl.launch.bonus import BONUS, with_bonus, with_some_bonus, without_bonus
 from tstar_rl.launch.overrides import chosen_scale, passed_on
@@ -21,6 +23,8 @@ from tstar_rl.launch.steps import check_step, is_done, missing
 from tstar_rl.runs.csv_tables import append_rows
 
 OWN = ("processes", "seeds")  # values that only this recipe knows
+OF_NO_MOMENT = {"task", "scale", "seed", "results_dir", "runs_dir", "demonstrations_dir", "progress_bar"}
+"""Sections of values with which the minutes are still those of the scale."""
 
 
 @recipe("assemble", processes=int, seeds=tuple[int, ...] | None)
@@ -30,6 +34,8 @@ def main(config: DictConfig) -> None:
     shared = passed_on(OWN)
     subtasks = [f"subtask={index}" for index in range(config.task.subtasks)]
     kinds = f"kinds=[{config.demonstrations.kind}]"
+    if config.seeds is not None and any(key_of(value) == "seed" for value in shared):
+        raise InvalidValueError(f"seeds says which seeds there are: leave out seed={config.seed}")
     seeds = list(config.seeds or [config.seed])
     run = launcher(config)
     made = (Path(folder) / config.task.name for folder in (config.runs_dir, config.demonstrations_dir))
@@ -53,14 +59,15 @@ def main(config: DictConfig) -> None:
         run_side_by_side([left(lane) for lane in lanes], shared, config.processes, one)
 
     skills = [(f"seed={seed}", one) for seed in seeds for one in subtasks]
-    chains = [lane for seed in seeds for lane in _chains(f"seed={seed}")]
+    chains = [lane for seed in seeds for lane in _chains(f"seed={seed}", shared)]
     _check(chains, shared)
     at_once([[("make_demonstrations", *skill, kinds), ("gail_ppo", *skill)] for skill in skills])
     at_once([*chains, *([("evaluate", "system=gail_ppo", *skill)] for skill in skills)])
     run(("plot",), shared)
     minutes = (time.perf_counter() - began) / 60
     print(f"all of it took {minutes:.1f} minutes")
-    if from_nothing:
+    of_the_scale = not {section_of(value) for value in shared} - OF_NO_MOMENT
+    if from_nothing and of_the_scale and config.launch == "local":
         _note_minutes(config, chosen_scale(), len(seeds), minutes)
 
 
@@ -88,22 +95,26 @@ def _note_minutes(config: DictConfig, scale: str, seeds: int, minutes: float) ->
     append_rows(Path(config.results_dir) / "assemble.csv", [row], ("task", "scale", "seeds", "processes"))
 
 
-def _chains(seed: str) -> list[list[Step]]:
+def _chains(seed: str, shared: list[str]) -> list[list[Step]]:
     """T-STAR and its two controls, one of which needs what T-STAR paid; then their evaluations.
 
     What the command line says of terminal_reward is T-STAR's, and its controls do not read it.
     """
-    plain = "terminal_reward={score: terminal, baseline: none}"
+    plain = ["terminal_reward={score: terminal, baseline: none}"]
+    if any(section_of(value) == "terminal_reward" and "momentum" in value for value in shared):
+        plain.append(
+            "++terminal_reward.momentum=0.01"
+        )  # its default: Hydra keeps a key that the section leaves out
     bonus = ("system=policy_sequencing_bonus", seed)
     return [
         [
             ("tstar", seed),
-            ("policy_sequencing", *bonus, plain, f"{BONUS}tstar"),
+            ("policy_sequencing", *bonus, *plain, f"{BONUS}tstar"),
             ("evaluate", "system=tstar", seed),
             ("evaluate", *bonus),
         ],
         [
-            ("policy_sequencing", seed, plain),
+            ("policy_sequencing", seed, *plain),
             ("evaluate", "system=policy_sequencing", seed),
             ("evaluate", "system=no_finetuning", seed),
         ],

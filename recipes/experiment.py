@@ -23,7 +23,7 @@ from typing import Any
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
-from tstar_rl.checks import InvalidValueError
+from tstar_rl.checks import InvalidValueError, UserError
 from tstar_rl.config.load import recipe
 from tstar_rl.config.overrides import section_of
 from tstar_rl.config.values import CONFIGS, plain
@@ -68,7 +68,12 @@ def main(config: DictConfig) -> None:
     if config.publish:
         first = [*declared.shared(*declared.lanes()[0]), *passed_on(OWN)]
         results = step_config(("gail_ppo",), first).results_dir
-        print("\n".join(map(str, publish(results, published, declared.declares))))
+        try:
+            print("\n".join(map(str, publish(results, published, declared.declares))))
+        except UserError as error:
+            if stopped is None:
+                raise
+            stopped = SystemExit(f"{stopped}\n{error}")  # none of the two messages is lost
     if stopped is not None:
         _end(stopped, config.minutes, run.further)
 
@@ -136,7 +141,7 @@ class _Steps:
             place = step_config(without_bonus(step))
             folders = place.results_dir, place.runs_dir, self.published
             step = with_bonus(step, place.task.name, place.seed, *folders)
-            done = is_done(step, ignored=("bonus",), other_code=root is not None)
+            done = is_done(step, other_code=root is not None)
         if done:
             return
         before = left_behind(step, place)
@@ -198,7 +203,9 @@ def _lanes(config: DictConfig, declared: DeclaredExperiment, published: Path) ->
         steps = there.steps_by_commit(place.task.subtasks, seed, arms)
         lanes.append([(commit, (step[0], *shared, *step[1:])) for commit, step in steps])
     if not config.unpublished and not any(lanes):
-        raise InvalidValueError(f"none of these seeds has an arm of arms=[{', '.join(config.arms)}]")
+        arms = "any arm" if config.arms is None else f"an arm of arms=[{', '.join(config.arms)}]"
+        seeds = ", ".join(map(str, config.seeds or declared.every_seed))
+        raise InvalidValueError(f"none of these seeds has {arms}: {seeds}")
     return lanes
 
 

@@ -46,8 +46,8 @@ def test_a_chain_of_skills_with_other_figures_is_not_published(tmp_path):
     ):
         (tmp_path / place).mkdir(parents=True)
         (tmp_path / place / "evaluation.csv").write_text(f"progress,minutes\n{progress},1\n")
-    (tmp_path / "a/t/tstar/seed0/config.yaml").write_text("skills: gail_ppo\n")
-    (tmp_path / "a/t/bc/seed0/config.yaml").write_text("skills: bc\n")
+    (tmp_path / "a/t/tstar/seed0/config.yaml").write_text("skills: gail_ppo\nfrom_checkpoint: last\n")
+    (tmp_path / "a/t/bc/seed0/config.yaml").write_text("skills: bc\nfrom_checkpoint: last\n")
     with pytest.raises(
         ValueError, match=r"or of skills that were: .*b/t/gail_ppo.*, .*b/t/tstar/seed0/evaluation.csv; "
     ):

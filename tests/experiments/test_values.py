@@ -32,6 +32,10 @@ from tstar_rl.experiments.values import parse_experiment
             "experiment.overrides must be a list, each text, got 'chain.rounds=1'",
         ),
         ({"arms": []}, "experiment.arms must name at least one, got none"),
+        (
+            {"arms": [{"name": "a", "recipe": "tstar", "skill_overrides": ["env={arm_noise: 0.8}"]}]},
+            r"a must name each setting of its skills' world by itself, as in env.arm_noise=0.2; got env=\{arm_noise",
+        ),
         ({"arms": ["tstar"]}, "experiment.arms must be a list, each a section, got"),
         ({"arms": [{"name": "a", "recipe": "nix"}]}, "a has the recipe nix; there is no recipes/nix.py"),
         ({"arms": [{"name": "a", "recipe": "tstar", "skills": "nix"}]}, "a has the recipe nix"),

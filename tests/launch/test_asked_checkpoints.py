@@ -10,6 +10,7 @@ from hydra import compose, initialize_config_dir
 
 from tstar_rl.chaining.chain import save_chain
 from tstar_rl.chaining.skill import Skill
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.values import CONFIGS, plain
 from tstar_rl.launch.asked_checkpoints import find_checkpoints, spent_on
 from tstar_rl.launch.run_folders import check_skills_stay, of_an_earlier_training
@@ -176,3 +177,13 @@ def test_a_copy_of_an_evaluation_whose_times_are_other_ones_is_of_the_training_b
     append_rows(table, [{"seed": 1}], ("seed",))
     os.utime(table, (1, 1))
     assert of_an_earlier_training(table, config), "it does not say what it took"
+
+
+def test_a_run_below_folders_of_its_own_is_asked_for_with_these(made):
+    save(made / "runs/no_return", 1)
+    told = "lies in no_return of .*/runs: give .* runs_dir=runs/no_return results_dir=results/no_return"
+    with pytest.raises(InvalidValueError, match=told):
+        places("path=runs/no_return/table_lack/tstar/seed1/last")
+    own = ["runs_dir=runs/no_return", "results_dir=results/no_return"]
+    config, *_ = places("path=runs/no_return/table_lack/tstar/seed1/last", *own)
+    assert (config.system, config.seed) == ("tstar", 1)

@@ -6,11 +6,11 @@ from hydra import compose, initialize_config_dir
 
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.values import CONFIGS, plain
-from tstar_rl.launch.evaluations import check_chain
+from tstar_rl.launch.evaluations import check_chain, check_evaluation
 from tstar_rl.launch.run_folders import begun_with, evaluated_runs, run_folder
 from tstar_rl.launch.steps import is_done, missing, step_config
 from tstar_rl.runs.mismatch import CheckpointMismatchError
-from tstar_rl.runs.run_config import note_evaluation, write_config
+from tstar_rl.runs.run_config import note_evaluation, read_config, write_config
 
 TRAIN, EVALUATE = ("gail_ppo", "subtask=1"), ("evaluate", "system=gail_ppo", "subtask=1")
 CHAIN, TRIED = ("tstar",), ("evaluate", "system=tstar")
@@ -115,3 +115,17 @@ def test_an_evaluation_has_every_checkpoint_that_its_run_has_left(shared):
     assert is_done(EVALUATE, shared)
     (run / "best").mkdir()  # the table has no row of it
     assert not is_done(EVALUATE, shared) and is_done((*EVALUATE, "checkpoints=[last]"), shared)
+
+
+def test_another_simulator_or_device_is_noted_and_of_untrained_skills_refused(tmp_path):
+    trained, untrained = tmp_path / "trained", tmp_path / "untrained"
+    write_config(trained, {"env": {}, "device": "cpu", "physics": "mujoco"})
+    note_evaluation(trained, {"device": "cpu", "physics": "mujoco"})
+    assert "later" not in read_config(trained)
+    for _ in range(2):
+        note_evaluation(trained, {"env": {}, "device": "cpu", "physics": "warp"})
+    (later,) = read_config(trained)["later"]
+    assert later["physics"] == "warp" and "device" not in later
+    note_evaluation(untrained, {"env": {}, "device": "cpu", "physics": "mujoco"})
+    with pytest.raises(CheckpointMismatchError, match="results of something else: physics was 'mujoco'"):
+        check_evaluation(untrained, {"env": {}, "device": "cpu", "physics": "warp"})

@@ -63,6 +63,24 @@ def test_assemble_runs_every_step_once(pipeline, tmp_path):
     ]
 
 
+def test_assemble_tells_seeds_that_are_given_twice(pipeline):
+    with pytest.raises(SystemExit, match="seeds says which seeds there are: leave out seed=5"):
+        pipeline("assemble", "scale=quick", "seed=5", "seeds=[0,1]")
+
+
+def test_a_momentum_is_t_stars_alone(pipeline):
+    given = ["terminal_reward.baseline=running_mean", "+terminal_reward.momentum=0.05"]
+    steps_taken = pipeline("assemble", "scale=quick", "processes=1", *given)
+    controls = [step for step in steps_taken if step[0] == "policy_sequencing"]
+    assert len(controls) == 2 and all("++terminal_reward.momentum=0.01" in step for step in controls)
+
+
+@pytest.mark.parametrize(("value", "noted"), [("seed=0", True), ("training.total_steps=1000", False)])
+def test_minutes_are_noted_of_what_the_scale_makes(pipeline, tmp_path, value, noted):
+    pipeline("assemble", "scale=quick", "processes=1", value)
+    assert (tmp_path / "results/assemble.csv").is_file() == noted
+
+
 def test_baselines_are_made_once(pipeline):
     values = ["scale=whole_quick", "only=[bc,ppo]", "processes=1"]
     assert [step[0] for step in pipeline("baselines", *values)] == [

@@ -144,6 +144,12 @@ def test_where_a_step_fails_what_is_finished_and_declared_is_published(queue, tm
     assert [file.relative_to(tmp_path).as_posix() for file in published] == [
         "results/published/shelf/chair_agne/tstar/seed310/evaluation.csv"
     ]
+    made = tmp_path / "results/shelf/chair_agne/tstar/seed310/evaluation.csv"
+    made.write_text("progress,minutes\n0,1\n")
+    with pytest.raises(
+        SystemExit, match="this step failed: make_demonstrations\npublished before with other figu"
+    ):
+        queue("publish=true", takes=fails)
 
 
 def test_what_is_published_is_not_run_again(queue, tmp_path):

@@ -6,6 +6,7 @@ from saved_run import a_run
 
 from tstar_rl.runs.csv_tables import LogError
 from tstar_rl.runs.measured import _drop
+from tstar_rl.runs.run_config import note_evaluation
 
 ROWS = [("chain", 0), ("chain", 1), ("other", 0), ("no_finetuning", 0)]
 
@@ -116,3 +117,15 @@ def test_films_and_pictures_of_a_run_go_too_and_a_table_of_the_users_own_stays(t
     run.start()
     assert sorted(file.name for file in run.results.iterdir()) == ["config.yaml", "lock", "mine.png"]
     assert (tmp_path / "results/table/exchanged_means.csv").is_file()
+
+
+def test_what_was_measured_of_one_skill_of_a_chain_goes_with_the_chain(tmp_path):
+    """It lies below the run's own folder, with a config.yaml of its own; a file of somebody else's stays there."""
+    run = a_run(tmp_path, resume=False)
+    for name in ("last", "best"):
+        note_evaluation(run.results / name, {"seed": 0})
+        (run.results / name / "evaluation.csv").write_text("progress\n1\n")
+    (run.results / "best/notes.txt").write_text("mine")
+    run.start()
+    assert not (run.results / "last").exists()
+    assert [file.name for file in (run.results / "best").iterdir()] == ["notes.txt"]

@@ -8,7 +8,7 @@ from tstar_rl.checks import InvalidValueError, UserError
 from tstar_rl.runs.csv_tables import LogError, read_table
 from tstar_rl.runs.files import replacing, turn_to_write
 from tstar_rl.runs.run_config import DamagedConfigError, read_config
-from tstar_rl.runs.run_folder import Place, read_run_path
+from tstar_rl.runs.run_folder import Place, is_untrained, read_run_path
 
 __all__ = ["publish"]
 
@@ -90,8 +90,10 @@ def _skills_first(
 
 
 def _skills_of(run: Path, place: Place) -> tuple[str, str | None, int]:
-    """Task, system and seed of the skills that a chain was made of."""
-    return place.task, read_config(run).get("skills"), place.seed
+    """Task, system and seed of the skills that a chain was made of; no system of one policy for the whole task."""
+    config = read_config(run)
+    chained = "from_checkpoint" in config or is_untrained(place.system)
+    return place.task, config.get("skills") if chained else None, place.seed
 
 
 def _whole_tables(run: Path) -> list[Path]:

@@ -5,6 +5,7 @@ from typing import Any
 
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.check import check
+from tstar_rl.config.overrides import key_of
 from tstar_rl.config.recipe_kinds import ONE_POLICY
 from tstar_rl.config.values import task_section
 from tstar_rl.experiments.declared import Arm, DeclaredExperiment
@@ -24,8 +25,8 @@ def parse_experiment(values: Mapping[str, Any]) -> DeclaredExperiment:
             something twice, a task or a recipe that is not there, seeds of a task that is not there, two arms of one
             name, an arm that trains nothing under a name of one that does or the other way round, an arm whose bonus is
             that of an arm that does not exist or has other seeds, an arm with the skills of one that has none of its
-            own or is of another recipe of skills, an arm of one policy for the whole task that says something of
-            skills.
+            own or is of another recipe of skills, an arm that gives its skills' world as a section, an arm of one
+            policy for the whole task that says something of skills.
     """
     check(
         values,
@@ -67,6 +68,12 @@ def _parse_arm(values: Mapping[str, Any], commit: str | None) -> Arm:
             f"experiment.arms: {arm.name} trains nothing, so that {' and '.join(given)} would do nothing; what its "
             "skills are trained with goes to skill_overrides, what every arm has to experiment.overrides"
         )
+    for value in (*arm.skill_overrides, *arm.later_skill_overrides):
+        if key_of(value) == "env":
+            raise InvalidValueError(
+                f"experiment.arms: {arm.name} must name each setting of its skills' world by itself, as in "
+                f"env.arm_noise=0.2; got {value}"
+            )
     if arm.whole:
         _check_whole(arm, [name for name in OF_CHAINS if name in values])
     if arm.seeds is not None:

@@ -10,6 +10,7 @@ from omegaconf import DictConfig
 from tstar_rl.chaining.chain import chain_folders
 from tstar_rl.checks import InvalidValueError, MissingFileError
 from tstar_rl.config.overrides import key_of
+from tstar_rl.config.values import CONFIGS
 from tstar_rl.launch.run_folders import evaluated_runs, run_folder, skills_took
 from tstar_rl.runs.checkpoint import is_checkpoint
 from tstar_rl.runs.run_config import read_config
@@ -102,7 +103,8 @@ def _take_from_path(config: DictConfig, given: Iterable[str]) -> Path | None:
     if not around:
         return None
     root = max(around, key=lambda one: len(one.parts))  # one of them may lie in the other
-    place, after = read_run_path(path.relative_to(root))
+    place, after = read_run_path(below := path.relative_to(root))
+    _check_that_it_lies_in(root, below, config)
     names = {key_of(value) for value in given} & {"system", "seed", "subtask"}
     asked = {"task": config.task.name, **{name: config[name] for name in sorted(names)}}
     for name, value in asked.items():
@@ -113,6 +115,18 @@ def _take_from_path(config: DictConfig, given: Iterable[str]) -> Path | None:
             )
     config.system, config.seed, config.subtask = place.system, place.seed, place.subtask
     return after
+
+
+def _check_that_it_lies_in(root: Path, below: Path, config: DictConfig) -> None:
+    """Raises InvalidValueError if a run lies further down than its task's folder, so below folders of its own."""
+    tasks = {file.stem for file in (CONFIGS / "task").glob("*.yaml")}
+    deeper = next((i for i, name in enumerate(below.parts) if name in tasks), 0)
+    if deeper and below.parts[0] not in tasks:
+        further = Path(*below.parts[:deeper])
+        raise InvalidValueError(
+            f"path={config.path} lies in {further} of {root}: give the folders that it was trained with, "
+            f"runs_dir={Path(config.runs_dir) / further} results_dir={Path(config.results_dir) / further}"
+        )
 
 
 def _check_checkpoints(config: DictConfig, given: Iterable[str]) -> None:

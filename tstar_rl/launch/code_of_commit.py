@@ -57,7 +57,9 @@ def configs_of(root: Path) -> Iterator[None]:
 
 def environ_of(root: Path) -> dict[str, str]:
     """The environment in which Python finds a checkout's code before any that is installed."""
-    return {**os.environ, "PYTHONPATH": os.pathsep.join((str(root), str(root / "envs")))}
+    theirs = os.environ.get("PYTHONPATH")  # where modules of a user's own may lie
+    found = (str(root), str(root / "envs"), *([theirs] if theirs else []))
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(found)}
 
 
 def _check_out(commit: str, place: Path, repository: Path) -> None:

@@ -10,7 +10,7 @@ from tstar_rl.config.values import plain
 from tstar_rl.launch.run_folders import evaluated_runs, of_an_earlier_training, run_folder
 from tstar_rl.runs.csv_tables import read_table
 from tstar_rl.runs.mismatch import CheckpointMismatchError, differences
-from tstar_rl.runs.run_config import read_config
+from tstar_rl.runs.run_config import MEASURED_ON, read_config
 from tstar_rl.runs.run_folder import FINISHED, run_path
 
 __all__ = ["check_chain", "check_evaluation", "is_evaluated"]
@@ -36,8 +36,8 @@ def is_evaluated(config: DictConfig) -> bool:
 def check_evaluation(folder: Path, config: Mapping[str, Any]) -> None:
     """Refuses an evaluation that the config.yaml of `folder` would not tell of.
 
-    That is one in another world than that of the training, or of the evaluation, that is there; and one of other skills
-    chained as they are.
+    That is one in another world than that of the training, or of the evaluation, that is there; and, of skills chained
+    as they are, one of others, on another device or by another simulator.
 
     Raises:
         CheckpointMismatchError: with what differs.
@@ -45,7 +45,7 @@ def check_evaluation(folder: Path, config: Mapping[str, Any]) -> None:
     saved = read_config(folder)
     if not saved:
         return
-    names = ("env", "skills", "links") if saved.get("evaluation_only") else ("env",)
+    names = ("env", "skills", "links", *MEASURED_ON) if saved.get("evaluation_only") else ("env",)
     there, now = ({**values, "links": values.get("chain", {}).get("links")} for values in (saved, config))
     if wrong := differences(*({name: values.get(name) for name in names} for values in (there, now))):
         raise CheckpointMismatchError(

@@ -12,7 +12,7 @@ from omegaconf import DictConfig
 
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.check import ConfigError
-from tstar_rl.config.demonstrations import check_made, demonstrated, demonstrations_path
+from tstar_rl.config.demonstrations import check_made, demonstrated, demonstrations_path, digests_of_file
 from tstar_rl.config.load import check_config as check_values
 from tstar_rl.config.recipe_kinds import ONE_POLICY
 from tstar_rl.config.values import plain
@@ -21,6 +21,7 @@ from tstar_rl.launch.run_folders import evaluated_runs, run_folder
 from tstar_rl.launch.side_by_side import Step
 from tstar_rl.runs.mismatch import (
     CHAINING,
+    DEMONSTRATIONS_READ,
     MACHINE_ONLY,
     NOT_CLONED,
     as_begun,
@@ -71,8 +72,9 @@ def is_done(
     """Whether a step need not be run: its files are there, and are what the step would make.
 
     Demonstrations are done if their files are there, and hold what the step would make. A training is done if it has
-    finished with the same config and its results are there. One that may go on to more steps (`as_begun`) is not done
-    if more are asked for than it was given. Whether its demonstrations or skills were made again since is not asked:
+    finished with the same config, which has the SHA-256 of a user's file of demonstrations, and its results are there.
+    One that may go on to more steps (`as_begun`) is not done if more are asked for than it was given. Whether the
+    library's demonstrations or its skills were made again since is not asked:
     with one config and one commit they are the same to the bit. An evaluation is done if every run that it
     evaluates has finished before it, and its table has each checkpoint that these have left, in all modes, with the
     number of episodes that is asked for. With resume=false nothing is done.
@@ -102,6 +104,8 @@ def is_done(
     unread = NOT_CLONED if step[0] == "bc" else CHAINING if step[0] in ONE_POLICY else ()
     ignored = (*MACHINE_ONLY, *ignored, *unread)
     asked = {name: value for name, value in plain(config).items() if name not in ignored}
+    if config.demonstrations.get("file") and (read := saved.get(DEMONSTRATIONS_READ)):
+        asked[DEMONSTRATIONS_READ] = read | digests_of_file(config, read)
     asked = known_then(saved, asked | {"recipe": step[0]})
     begun = as_begun(saved, asked)
     check_config(results, saved, begun)

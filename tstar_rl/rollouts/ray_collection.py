@@ -1,8 +1,9 @@
 """Rollouts by workers of a Ray cluster, with the interface of `collection.Collection`.
 
 TorchRL's `RayCollector` places and makes the workers. What a worker reads that changes in training (the policy with its
-normaliser and deviation, the set that starts are drawn from) is not left with it: every rollout is asked for with all
-of it, so that Ray may ask another worker. One that dies is replaced, and its rollout begun again, by Ray itself.
+normaliser and deviation, the set of the states in which the skill before ended) is not left with it: every rollout is
+asked for with all of it, so that Ray may ask another worker. A set that a recipe itself gives for starts is sent once,
+with the environment: it stays as it was then. One that dies is replaced, and its rollout begun again, by Ray itself.
 """
 
 import logging

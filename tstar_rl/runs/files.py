@@ -12,8 +12,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 __all__ = [
-    "append_text", "named_in_errors", "put_back", "remove_folder", "remove_remains", "replace_folder", "replacing",
-    "replacing_folder", "turn_to_write",
+    "append_text", "flush", "named_in_errors", "put_back", "remove_folder", "remove_remains", "replace_folder",
+    "replacing", "replacing_folder", "turn_to_write",
 ]  # fmt: skip
 
 
@@ -57,14 +57,14 @@ def replacing_folder(path: Path) -> Iterator[Path]:
     stage = path.with_name(f".{path.name}.new-{uuid.uuid4().hex}")
     try:
         yield stage
-        _flush(stage, *stage.rglob("*"))
+        flush(stage, *stage.rglob("*"))
         replace_folder(stage, path)
-        _flush(path.parent)
+        flush(path.parent)
     finally:
         shutil.rmtree(stage, ignore_errors=True)
 
 
-def _flush(*paths: Path) -> None:
+def flush(*paths: Path) -> None:
     """Has the system write files, and names in folders, to the disk; not every file system can be asked."""
     for path in paths:
         handle = os.open(path, os.O_RDONLY)

@@ -5,12 +5,13 @@ What measures: recipes evaluate, hand_over, hand_over_gap, exchanged, moved_part
 
 from collections.abc import Collection
 from contextlib import suppress
+from itertools import product
 from pathlib import Path
 
 from tstar_rl.runs.csv_tables import read_table, write_table
 from tstar_rl.runs.files import turn_to_write
 from tstar_rl.runs.run_config import DamagedConfigError, read_config
-from tstar_rl.runs.run_folder import UNTRAINED
+from tstar_rl.runs.run_folder import SAVED, UNTRAINED
 
 __all__ = ["chains_of", "forget_measurements"]
 
@@ -73,8 +74,14 @@ def forget_measurements(runs: Collection[Path], task: Path, systems: Collection[
         for path in task.glob(pattern):
             _drop(path, systems, seed)
     for run in runs:
-        for name in OF_A_RUN:
-            (run / name).unlink(missing_ok=True)
+        below = [run / name for name in SAVED]  # of one skill of a chain, evaluated by its path
+        for place, name in product((run, *below), OF_A_RUN):
+            (place / name).unlink(missing_ok=True)
+        for place in below:
+            with suppress(DamagedConfigError, OSError):
+                if read_config(place).get("evaluation_only"):
+                    (place / "config.yaml").unlink()
+                place.rmdir()  # where something else is in it, it stays
 
 
 def _drop(path: Path, systems: Collection[str], seed: int) -> None:

@@ -8,6 +8,7 @@ from tstar_rl.checks import UserError
 
 __all__ = [
     "CHAINING",
+    "DEMONSTRATIONS_READ",
     "MACHINE_ONLY",
     "NOT_CLONED",
     "CheckpointMismatchError",
@@ -36,6 +37,10 @@ NOT_CLONED = (*CHAINING, "training")
 """Sections that behaviour cloning does not read."""
 
 
+DEMONSTRATIONS_READ = "demonstrations_read"
+"""What a run's config.yaml says of a user's file of demonstrations: the SHA-256 of each part that was read."""
+
+
 class CheckpointMismatchError(UserError, ValueError):
     """A checkpoint belongs to something else."""
 
@@ -56,10 +61,11 @@ def check_config(results: Path, saved: Mapping[str, Any], asked: Mapping[str, An
 def known_then(saved: Mapping[str, Any], asked: Mapping[str, Any]) -> dict[str, Any]:
     """`asked` as the run in `saved` would have noted it.
 
-    Older runs, and programs of a user's own, note no recipe. Older ones of SPiRL note normalizer.running as their scale
-    has it, and did not read it.
+    Older runs, and programs of a user's own, note no recipe, and older ones no user's file. Older ones of SPiRL note
+    normalizer.running as their scale has it, and did not read it.
     """
-    known = {name: value for name, value in asked.items() if name != "recipe" or name in saved}
+    told = ("recipe", DEMONSTRATIONS_READ)
+    known = {name: value for name, value in asked.items() if name not in told or name in saved}
     running = (saved.get("normalizer") or {}).get("running")
     if asked.get("recipe") == "spirl" and "normalizer" in asked and running is not None:
         known["normalizer"] = {**asked["normalizer"], "running": running}
@@ -71,7 +77,8 @@ def as_begun(saved: Mapping[str, Any], asked: Mapping[str, Any]) -> dict[str, An
 
     A training of one policy may, unless something in it follows the share of its steps that is done: rates that fall
     in a line, or a fixed deviation that exploration lowers (nothing in SPiRL does). Then it makes the same numbers as
-    one that was given all the steps at once.
+    one that was given all the steps at once. Not so a recipe of a user's own that reads `training.progress` for more
+    than that: it goes on, with what it made of the progress until then.
     """
     section = "spirl" if "spirl" in asked else "training"
     fixed = asked.get("exploration") is not None and asked.get("networks", {}).get("std") == "fixed"

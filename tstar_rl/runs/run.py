@@ -17,7 +17,7 @@ from tqdm import tqdm
 from tstar_rl.runs import checkpoint, lock
 from tstar_rl.runs.best_so_far import BestSoFar
 from tstar_rl.runs.csv_tables import LogError, MetricsLog
-from tstar_rl.runs.files import put_back, remove_folder, replacing
+from tstar_rl.runs.files import flush, put_back, remove_folder, replacing
 from tstar_rl.runs.measured import chains_of, forget_measurements
 from tstar_rl.runs.mismatch import MACHINE_ONLY, CheckpointMismatchError, as_begun, known_then
 from tstar_rl.runs.previous_run import PreviousRun
@@ -190,6 +190,7 @@ class Run:
         for component in self.components.values():
             if hasattr(component, "settle"):
                 component.settle()
+        self._flush_tables()
         checkpoint.save_step(self.work / "checkpoints", self.env_steps, self.components, self.record)
 
     def state_dict(self) -> dict[str, Any]:
@@ -217,11 +218,18 @@ class Run:
         self.best.load_state_dict(state)
         self._kept = rows
 
+    def _flush_tables(self) -> None:
+        """Has the tables on the disk before what counts their rows: a machine that loses its power loses neither."""
+        tables = [path for name in LOGS if (path := getattr(self, name).path).is_file()]
+        flush(*tables, *{path.parent for path in tables})
+
     def finish(self) -> None:
         """Closes the bar, notes that the run is complete, gives its folder back, and says where it and its log lie."""
         self.bar.close()
+        self._flush_tables()
         with replacing(self.work / FINISHED) as partial:
             partial.write_text(json.dumps({"env_steps": self.env_steps, "minutes": self.seconds / 60}))
+            flush(partial)
         (self.work / UNFINISHED).unlink(missing_ok=True)
         lock.release(self.work)
         lock.release(self.results)

@@ -11,6 +11,7 @@ from tstar_rl.runs.files import replacing, turn_to_write
 from tstar_rl.runs.versions import UNKNOWN, versions
 
 __all__ = [
+    "MEASURED_ON",
     "DamagedConfigError",
     "note_evaluation",
     "note_resumed",
@@ -25,6 +26,8 @@ class DamagedConfigError(UserError, ValueError):
     """A run's config.yaml is not as it was written."""
 
 
+MEASURED_ON = ("device", "physics")
+"""What another evaluation may differ in from the training that it is of."""
 LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # libyaml, where it is there, reads ten times faster
 
 
@@ -85,8 +88,8 @@ def note_evaluation(folder: Path, config: Mapping[str, Any], rows_stay: bool = F
     """Writes an evaluation's config.yaml, unless the folder has that of a training, which stays.
 
     `evaluation_only: true` in it tells the two apart. It is for what has no training of its own: skills chained as they
-    are, the script. To a config that stays it adds that it was evaluated with other versions, or at another commit, if
-    so.
+    are, the script. To a config that stays it adds that it was evaluated with other versions, at another commit, on
+    another device or by another simulator, if so.
 
     Args:
         folder: of the evaluation's results.
@@ -100,15 +103,23 @@ def note_evaluation(folder: Path, config: Mapping[str, Any], rows_stay: bool = F
             _replace(folder, {**config, "evaluation_only": True, "versions": versions(), **kept})
             if not kept:
                 return
-    _note_later(folder, {"what": "evaluated"})
+    known = [name for name in MEASURED_ON if name in before and name in config]
+    other = {name: config[name] for name in known if config[name] != before[name]}
+    _note_later(folder, {"what": "evaluated", **other}, always=bool(other))
 
 
-def _note_later(folder: Path, line: dict[str, Any]) -> None:
-    """Adds a line to `later` in config.yaml, once, if the versions of today are not those that the run began with."""
+def _note_later(folder: Path, line: dict[str, Any], always: bool = False) -> None:
+    """Adds a line to `later` in config.yaml, once, if the versions of today are not those that the run began with.
+
+    Args:
+        folder: of the run's results.
+        line: what is noted, beside the versions.
+        always: whether the versions do not matter.
+    """
     with turn_to_write(folder):
         kept, now = read_config(folder), versions()
         later, line = kept.get("later", []), {**line, "versions": now}
-        if kept.get("versions") != now and line not in later:
+        if (always or kept.get("versions") != now) and line not in later:
             _replace(folder, {**kept, "later": [*later, line]})
 
 

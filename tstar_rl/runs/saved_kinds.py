@@ -3,9 +3,10 @@
 from collections.abc import Mapping
 from typing import Any
 
-__all__ = ["AN_AGENT", "ONE_SKILL", "kind_of"]
+__all__ = ["AN_AGENT", "A_SHIPPED_CHAIN", "ONE_SKILL", "kind_of"]
 
 AN_AGENT = "an agent of SPiRL: SpirlAgent.load reads it"
+A_SHIPPED_CHAIN = "a shipped chain: load_pretrained(task, variant, folder=...) reads it"
 ONE_SKILL = "one skill: Skill.load reads it"
 
 
@@ -20,7 +21,7 @@ def kind_of(record: Mapping[str, Any]) -> str:
     if built is None:
         return "what a run goes on from: what it has trained lies beside its checkpoints, in last and best"
     if isinstance(built, list):
-        return "a shipped chain: load_pretrained(task, variant, folder=...) reads it"
+        return A_SHIPPED_CHAIN
     if "latent_model" in built:
         return AN_AGENT
     return ONE_SKILL
