@@ -12,9 +12,9 @@ from tstar_rl.runs.mismatch import NOT_CLONED
 @rl.recipe("bc")
 def main(config: DictConfig) -> None:
     """Trains, logs and saves."""
-    run = rl.Run(rl.plain(config), config.subtask, unread=NOT_CLONED)
     skill = rl.new_skill(config, config.subtask)
     expert = rl.load_demonstrations(config, config.subtask)
+    run = rl.Run(rl.plain(config), config.subtask, unread=NOT_CLONED)
     run.start(skill=skill)
     skill.normalizer.fit(expert.observations, config.normalizer.floor)
     cloning = rl.settings(rl.BehaviourCloningSettings, config.bc)

@@ -18,7 +18,7 @@ from omegaconf import DictConfig
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.build import environment
 from tstar_rl.config.load import recipe
-from tstar_rl.config.overrides import section_of
+from tstar_rl.config.overrides import key_of, section_of
 from tstar_rl.config.pretrained import chain_env
 from tstar_rl.rollouts.watching import StepSignal, d_omega_signal, log_episodes, rows_to_show
 from tstar_rl.seeds import evaluation_seed
@@ -69,6 +69,11 @@ def both_sides(config: DictConfig, given: Sequence[str]) -> list[Shown]:
         raise InvalidValueError(
             "trained chains bring their own world, which a scale would be mixed with: leave scale=... out, or set "
             "variants=null"
+        )
+    if any(key_of(value) == "env" for value in given):
+        raise InvalidValueError(
+            "trained chains bring their own world: give single settings of it, env.<setting>=..., not env={...}; or "
+            "set variants=null"
         )
     if any(section_of(value) == "noise" for value in given):
         raise InvalidValueError(

@@ -3,6 +3,7 @@
 import pytest
 from hydra import initialize_config_dir
 from hydra.core.global_hydra import GlobalHydra
+from recipe_runs import load_recipe
 
 import tstar_rl as rl
 from tstar_rl.config.check import ConfigError
@@ -18,6 +19,14 @@ def test_values_are_those_of_the_command_line():
         "last",
     )
     assert not GlobalHydra.instance().is_initialized()
+
+
+def test_a_recipe_that_asks_its_command_line_says_so_without_one(tmp_path):
+    config = rl.compose("evaluate", f"results_dir={tmp_path}", f"runs_dir={tmp_path}")
+    with pytest.raises(
+        rl.InvalidValueError, match="evaluate asks its command line: run it as python recipes/eval"
+    ):
+        load_recipe("evaluate").main(config)
 
 
 @pytest.mark.parametrize(

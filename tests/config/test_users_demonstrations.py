@@ -1,5 +1,6 @@
 """demonstrations.file names a user's own file, or a folder of them; they are of the config's world."""
 
+import hashlib
 import shutil
 from pathlib import Path
 
@@ -7,8 +8,9 @@ import pytest
 from omegaconf import OmegaConf
 from recorded import changed, env_args, leave_two_of_anybody
 
-from tstar_rl.config.demonstrations import load_demonstrations
+from tstar_rl.config.demonstrations import digests_of_file, load_demonstrations
 from tstar_rl.demonstrations.header import DemonstrationError
+from tstar_rl.runs.mismatch import DEMONSTRATIONS_READ
 
 
 @pytest.fixture
@@ -60,3 +62,14 @@ def test_a_setting_that_the_config_does_not_name_is_compared_too(path, config):
     config.demonstrations.file = str(path)
     with pytest.raises(DemonstrationError, match=r"part_noise was 0\.2 when it was saved, and is 0\.02 now"):
         load_demonstrations(config, 1)
+
+
+def test_the_config_says_which_files_were_read(path, config, tmp_path):
+    shutil.copy(path, tmp_path / "subtask1.hdf5")
+    config.demonstrations.file = str(tmp_path)
+    load_demonstrations(config, 1)
+    first = dict(config[DEMONSTRATIONS_READ])
+    assert first == {"subtask1": hashlib.sha256(path.read_bytes()).hexdigest()}
+    assert digests_of_file(config, first) == first and not digests_of_file(config, ["subtask0"])
+    changed(tmp_path / "subtask1.hdf5", lambda file: file["data"].attrs.update({"made_by": "me"}))
+    assert digests_of_file(config, first) != first

@@ -45,6 +45,15 @@ def test_they_come_back(demonstrations, path):
         ),
         (lambda d: {"snapshots": TensorDict({}, [7])}, "field snapshot/.* is missing"),
         (lambda d: {"success": ~d.success}, "field success is False in episode 0"),
+        (lambda d: {"subtask": -1}, "field subtask is -1, should be null"),
+        (
+            lambda d: {"arguments": {**d.arguments, "snapp": True}},
+            "field arguments has 'snapp'; valid settings",
+        ),
+        (
+            lambda d: {"arguments": {**d.arguments, "task": "toy_table"}},
+            "field arguments.task is 'toy_table'",
+        ),
     ],
 )
 def test_what_could_not_be_read_again_is_not_written(demonstrations, tmp_path, change, message):

@@ -43,7 +43,7 @@ def test_observations_and_actions_are_enough(path):
     assert found.snapshots.is_empty() and found.snapshots.batch_size == (5,)
     with pytest.raises(ValueError, match="demonstrations of kind imported are not saved"):
         found.save(path.with_suffix(".npz"))
-    with pytest.raises(ValueError, match="have no full states: they cannot be played again"):
+    with pytest.raises(ValueError, match="demonstrations of a file have no full states: they cannot"):
         replay_demonstrations(None, found)
 
 

@@ -9,6 +9,7 @@ from recipe_runs import load_recipe
 from tensordict import TensorDict
 
 from tstar_rl.chaining.skill import Skill
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.values import CONFIGS
 from tstar_rl.models.network_settings import NetworkSettings
 from tstar_rl.shipped.catalogue import load_pretrained
@@ -30,6 +31,10 @@ def test_the_d_omega_of_the_mended_chain_judges_both_sides(monkeypatch, tmp_path
     monkeypatch.setattr(recipe, "load_pretrained", lambda task, name: load_shipped(tmp_path / task / name))
     with initialize_config_dir(str(CONFIGS), version_base="1.3"):
         config = compose("recipe/watch", ["env.max_steps=7"])
+    with pytest.raises(
+        InvalidValueError, match=r"give single settings of it, env.<setting>=..., not env=\{...\}"
+    ):
+        recipe.both_sides(config, ["env={max_steps: 7}"])
     left, right = recipe.both_sides(config, ["env.max_steps=7"])
     assert (left.title, left.success, right.success) == ("a chain (50% of 4 succeed)", False, True)
     assert (

@@ -121,3 +121,11 @@ def test_figures_are_compared_with_those_recorded(tmp_path):
     assert "another world" in chain.compare(row, {**env, "part_noise": 0.04})
     for other in ({"seed": 0}, {"episodes": 4}, {"mode": "stochastic"}):
         assert "other episodes" in chain.compare({**row, **other}, env)
+
+
+def test_what_is_no_shipped_chain_is_told(tmp_path):
+    some_skills()[0].save(tmp_path / "skill")
+    with pytest.raises(
+        InvalidValueError, match=r"is one skill: Skill.load reads it; ship.py makes a shipped chain"
+    ):
+        load_shipped(tmp_path / "skill")

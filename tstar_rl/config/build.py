@@ -211,10 +211,10 @@ def skill_training(
             (see goes_on of `SkillChainReset`); None: states of the demonstrations.
     """
     subtask, steps = config.subtask, config.training.total_steps
-    run = Run(plain(config), subtask, steps, unread=CHAINING)
     seed = derive_seed(config.seed, "train", subtask)
     skill = new_skill(config, subtask)
     expert = load_demonstrations(config, subtask) if expert is None else expert.to(config.device)
+    run = Run(plain(config), subtask, steps, unread=CHAINING)
     skill.normalizer.fit(expert.observations, config.normalizer.floor)
 
     def save(name: str, env_steps: int) -> None:

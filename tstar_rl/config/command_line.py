@@ -22,7 +22,7 @@ from omegaconf import DictConfig
 from omegaconf.errors import OmegaConfBaseException
 from tqdm import tqdm
 
-from tstar_rl.checks import NothingToDo, UserError
+from tstar_rl.checks import InvalidValueError, NothingToDo, UserError
 from tstar_rl.config.mistakes import Check, in_words, must_be, options
 
 __all__ = ["command_line", "of_the_disk", "told_in_words"]
@@ -45,6 +45,9 @@ Body = Callable[[DictConfig], None]
 
 def command_line(body: Body, configs: Path, name: str, check: Check) -> Callable[..., None]:
     """Makes a function of a config into one that reads the command line; with a config as its argument it runs that.
+
+    A recipe that asks what was given on its command line (one that starts others, evaluate, export, watch) raises an
+    InvalidValueError then.
 
     Args:
         body: runs the recipe.
@@ -69,7 +72,7 @@ def command_line(body: Body, configs: Path, name: str, check: Check) -> Callable
     @functools.wraps(body)
     def main(config: DictConfig | None = None) -> None:
         if config is not None:
-            return body(config)
+            return _run(body, config, name)
         if not configs.is_dir():
             raise SystemExit(f"a recipe needs a clone, installed with pip install -e: there is no {configs}")
         if os.environ.get(FULL_ERROR) == "1":
@@ -99,6 +102,17 @@ def command_line(body: Body, configs: Path, name: str, check: Check) -> Callable
             os.environ.pop(FULL_ERROR, None)
 
     return main
+
+
+def _run(body: Body, config: DictConfig, name: str) -> None:
+    try:
+        body(config)
+    except ValueError as error:
+        if "HydraConfig was not set" not in str(error):
+            raise
+        raise InvalidValueError(
+            f"{name} asks its command line: run it as python recipes/{name}.py"
+        ) from error
 
 
 @contextmanager

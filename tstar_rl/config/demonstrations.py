@@ -1,16 +1,17 @@
 """Which demonstrations a config's recipe learns from: the library's own, or a user's file."""
 
-from collections.abc import Mapping, Sequence
+import hashlib
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from omegaconf import DictConfig
+from omegaconf import DictConfig, open_dict
 
 from tstar_rl.checks import InvalidValueError, MissingFileError
 from tstar_rl.config.values import plain
 from tstar_rl.demonstrations.file_check import read_made
 from tstar_rl.demonstrations.header import KINDS, DemonstrationError, unknown_setting
-from tstar_rl.runs.mismatch import differences
+from tstar_rl.runs.mismatch import DEMONSTRATIONS_READ, differences
 
 if TYPE_CHECKING:
     from tstar_rl.demonstrations.data_set import Demonstrations
@@ -20,6 +21,7 @@ __all__ = [
     "demonstrated",
     "demonstrations_path",
     "demonstrations_seed",
+    "digests_of_file",
     "load_demonstrations",
     "other_settings",
     "part_name",
@@ -67,7 +69,8 @@ def load_demonstrations(config: DictConfig, subtask: int | None) -> "Demonstrati
     They must have been made in the config's world: every setting of the environment is compared, but those of
     demonstrations.may_differ and the time limit. One that the file or the config does not name has its default. Of the
     library's own, kind, number, noise and the piece of furniture are compared too, of a user's file the noise and
-    the piece where it says them: a run's config.yaml says what it learned from.
+    the piece where it says them: a run's config.yaml says what it learned from. Of a user's file the config also gets
+    the SHA-256 (`DEMONSTRATIONS_READ`), since the file may say something else later.
 
     Raises:
         MissingFileError: there is no file.
@@ -89,7 +92,7 @@ def load_demonstrations(config: DictConfig, subtask: int | None) -> "Demonstrati
         made = _otherwise_made(config, config.demonstrations.kind, found.kind, len(found), found.noise)
         made += _other_furniture(config, found.furniture, AGAIN)
     else:
-        path = Path(given) / f"{part_name(subtask)}.hdf5" if Path(given).is_dir() else Path(given)
+        path = _file_of(config, part_name(subtask))
         keys = config.demonstrations.observation_key, config.demonstrations.filter_key
         found = read_demonstrations(path, config.task.name, subtask, *keys)
         hint = (
@@ -100,7 +103,30 @@ def load_demonstrations(config: DictConfig, subtask: int | None) -> "Demonstrati
         made += _other_furniture(config, found.furniture)
     if wrong := [*other_settings(config, found.arguments), *made]:
         raise DemonstrationError(f"{path}: {'; '.join(wrong)}; {hint}")
+    if given is not None:
+        with open_dict(config):
+            config[DEMONSTRATIONS_READ] = {
+                **(config.get(DEMONSTRATIONS_READ) or {}),
+                part_name(subtask): _digest(path),
+            }
     return found.to(config.device)
+
+
+def digests_of_file(config: DictConfig, parts: Iterable[str]) -> dict[str, str]:
+    """What `DEMONSTRATIONS_READ` would say of demonstrations.file for these parts; nothing of a file that is gone."""
+    paths = {part: _file_of(config, part) for part in parts}
+    return {part: _digest(path) for part, path in paths.items() if path.is_file()}
+
+
+def _file_of(config: DictConfig, part: str) -> Path:
+    """The file of demonstrations.file that has a part."""
+    given = Path(config.demonstrations.file)
+    return given / f"{part}.hdf5" if given.is_dir() else given
+
+
+def _digest(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _made_by(config: DictConfig, subtask: int | None) -> str:

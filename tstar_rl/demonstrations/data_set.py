@@ -21,7 +21,7 @@ from tstar_rl.demonstrations.file_check import (
     check_arrays,
     read,
 )
-from tstar_rl.demonstrations.header import FORMAT_VERSION, HEADER, KINDS
+from tstar_rl.demonstrations.header import FORMAT_VERSION, HEADER, KINDS, read_header
 from tstar_rl.runs.files import replacing, turn_to_write
 
 __all__ = ["Demonstrations"]
@@ -99,17 +99,18 @@ class Demonstrations:
         if self.kind not in KINDS:
             raise ValueError(f"demonstrations of kind {self.kind} are not saved; valid: {', '.join(KINDS)}")
         header = {"format_version": FORMAT_VERSION, **{name: getattr(self, name) for name in HEADER}}
-        arrays = {name: getattr(self, name).numpy() for name in ARRAYS}
+        arrays = {name: getattr(self, name).cpu().numpy() for name in ARRAYS}
         for name, value in self.snapshots.flatten_keys("/").items():
-            arrays[f"snapshot/{name}"] = value.numpy()
+            arrays[f"snapshot/{name}"] = value.cpu().numpy()
         if self.noise is not None:
             arrays[NOISE] = np.array(self.noise, np.float64)
         if self.furniture is not None:
             arrays[FURNITURE] = np.array(self.furniture)
-        path = Path(path)
+        path, written = Path(path), np.array(json.dumps(header))
+        read_header(path, {"header": written})
         check_arrays(path, header, arrays)
         with turn_to_write(path.parent), replacing(path) as partial, partial.open("wb") as file:
-            np.savez_compressed(file, header=np.array(json.dumps(header)), **arrays)
+            np.savez_compressed(file, header=written, **arrays)
 
     @classmethod
     def load(cls, path: str | Path, task: str | None = None, subtask: int | None = None) -> "Demonstrations":

@@ -13,8 +13,10 @@ from torch import Tensor, nn
 
 from tstar_rl.chaining.chain import ChainPolicy
 from tstar_rl.chaining.skill import Skill
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.models.draws import generators_stay
 from tstar_rl.runs import checkpoint
+from tstar_rl.runs.saved_kinds import A_SHIPPED_CHAIN, kind_of
 
 __all__ = ["ShippedChain", "load_shipped", "save_shipped"]
 
@@ -97,7 +99,8 @@ def save_shipped(skills: Sequence[Skill], path: str | Path, signal: bool, **reco
         skills: in the order of the subtasks.
         path: its folder; what was there is replaced.
         signal: whether d_omega is written too; only one that was trained says anything.
-        **record: plain values; at least `task` and `env`.
+        **record: plain values; at least `task`, `env`, `seed`, `checkpoint`, `figures` (a row of the evaluation for
+            each mode) and `says`, what the chain is in a word or two, which recipes read.
     """
     built = [{name: value for name, value in skill.built().items() if name != "capacity"} for skill in skills]
     chain = ShippedChain(skills, record, signal)
@@ -109,8 +112,11 @@ def load_shipped(path: str | Path, **expected: Any) -> ShippedChain:
 
     Raises:
         MissingFileError, DamagedCheckpointError, CheckpointMismatchError: see `checkpoint.load`.
+        InvalidValueError: if something else is saved there.
     """
     record = checkpoint.read_record(path, **expected)
+    if (kind := kind_of(record)) != A_SHIPPED_CHAIN:
+        raise InvalidValueError(f"{path} is {kind}; ship.py makes a shipped chain of a trained one")
     with generators_stay():
         skills = [
             Skill.from_built(record["task"], index, built) for index, built in enumerate(record["built"])

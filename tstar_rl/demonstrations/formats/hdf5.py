@@ -70,7 +70,7 @@ def of_another_world(recording: Recording, path: str | Path) -> list[str]:
     try:
         with h5py().File(path, "r") as file:
             there = json.loads(file["data"].attrs["env_args"])["env_kwargs"]
-    except (OSError, KeyError, ValueError):
+    except (OSError, KeyError, TypeError, ValueError):
         return ["it is no file of episodes"]
     return differences(there, json.loads(json.dumps(recording.arguments)))
 

@@ -66,13 +66,15 @@ def replay_demonstrations(env: Any, demonstrations: Demonstrations, source: str 
     Args:
         env: a `FurnitureEnv` with snapshots=True, of the arguments of the demonstrations.
         demonstrations: with snapshots.
-        source: what imported ones were read from, for people to read.
+        source: what they were read from, for people to read.
 
     Raises:
         InvalidValueError: they have none.
     """
     if demonstrations.snapshots.is_empty():
-        raise InvalidValueError("these demonstrations have no full states: they cannot be played again")
+        raise InvalidValueError(
+            f"demonstrations of {source} have no full states: they cannot be played again"
+        )
     lengths: list[int] = demonstrations.lengths.tolist()
     first = demonstrations.lengths.cumsum(0) - demonstrations.lengths
     episodes = replay(env, demonstrations.snapshots[first], demonstrations.executed.split(lengths))

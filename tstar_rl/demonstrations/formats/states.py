@@ -69,7 +69,9 @@ class StateLayout:
         """
         try:
             listed: list[dict[str, Any]] = json.loads(text)
-            entries = [Entry(str(one["name"]), tuple(map(int, one["shape"])), one["dtype"]) for one in listed]
+            entries = [
+                Entry(str(one["name"]), tuple(map(int, one["shape"])), str(one["dtype"])) for one in listed
+            ]
         except (TypeError, KeyError, ValueError) as error:
             raise ValueError(f"a layout of states is a list of name, shape and dtype: {error!r}") from error
         return cls(entries)
