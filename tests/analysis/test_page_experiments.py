@@ -145,6 +145,10 @@ def test_the_turns_of_an_experiment_by_hand(published):
     one, other, mean = (line.get_xydata().tolist() for line in axes.lines)
     assert (one, other) == ([[1, 0.5], [3, 0.75]], [[2, 0.75], [4, 1], [5, 1]])
     assert mean == [[1.5, 0.625], [3.5, 0.875]]
+    many = pd.DataFrame({"trial_progress": 0.5, "env_steps": range(1, 33), "skill": 0})
+    many.to_csv(published / "odd/table/tstar/seed4/metrics.csv", index=False)
+    (axes,) = rise_figure(read_metrics(published / "odd"), "table", {"tstar": "T-STAR"}).axes
+    assert [line.get_xdata()[0] for line in axes.lines[:4]] == [4, 8, 16, 32] and len(axes.lines) == 7
 
 
 def test_the_page_shows_the_figures_that_are_drawn(published, tmp_path):
