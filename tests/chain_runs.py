@@ -13,22 +13,25 @@ from tstar_rl.chaining.turns import Turn
 def whole_and_resumed(point_chain, monkeypatch) -> Callable[..., tuple[pd.DataFrame, pd.DataFrame]]:
     """Runs a recipe twice, as the systems `whole` and `cut`, in turns of one rollout; returns both tables.
 
-    The second run is killed in its fourth turn, and resumed: it begins with that turn, not anew.
+    The second run is killed in turn 3, the fourth, and resumed: it begins with that turn, not anew. With `kills` it is
+    killed in each of these, and resumed each time.
     """
 
-    def run(recipe: str, *values: str) -> tuple[pd.DataFrame, pd.DataFrame]:
+    def run(recipe: str, *values: str, kills: tuple[int, ...] = (3,)) -> tuple[pd.DataFrame, pd.DataFrame]:
         values = (*values, "chain.steps_per_turn=512")
         whole = point_chain(recipe, *values, "system=whole")
         finish = Training._finish_rollout
 
-        def killed(training, rollout):
-            if training.run.turn == 3:
-                raise KeyboardInterrupt
-            return finish(training, rollout)
+        for turn in kills:
 
-        with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
-            patch.setattr(Training, "_finish_rollout", killed)
-            point_chain(recipe, *values, "system=cut", resumable=True)
+            def killed(training, rollout, turn=turn):
+                if training.run.turn == turn:
+                    raise KeyboardInterrupt
+                return finish(training, rollout)
+
+            with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+                patch.setattr(Training, "_finish_rollout", killed)
+                point_chain(recipe, *values, "system=cut", resumable=True)
         begun, rollouts = [], Turn.rollouts
 
         def noted(turn):
@@ -38,7 +41,7 @@ def whole_and_resumed(point_chain, monkeypatch) -> Callable[..., tuple[pd.DataFr
         with monkeypatch.context() as patch:
             patch.setattr(Turn, "rollouts", noted)
             resumed = point_chain(recipe, *values, "system=cut", resumable=True)
-        assert begun[0] == 3
+        assert begun[0] == kills[-1]
         return whole, resumed
 
     return run

@@ -115,7 +115,7 @@ def test_the_page_says_what_each_aid_is_worth(trained):
     seeds = "0: 0.900 [0.88, 0.98]; 1: 0.800 [0.78, 0.88]; 2: 0.700 [0.68, 0.78]"
     assert f"| 3 | with all | {seeds} | 0.900 +- 0.100 | - | - |" in page
     # Differences -.9, -.75 and -.7: 4.303 * .10408 / sqrt 3.
-    assert "| 0.117 +- 0.029 | -0.783 [-1.04, -0.52] | **needed** |" in page
+    assert "| 0.117 +- 0.029 | -0.783 [-1.042, -0.525] | **needed** |" in page
     assert page.index("| 3 | with all |") < page.index("| 3 | alone |")
 
 

@@ -93,8 +93,15 @@ def test_the_page_has_them_as_a_table_and_as_dots(published, tmp_path):
     pd.DataFrame(one + other).to_csv(published / "odd.csv", index=False)
     odd = {"folder": "odd", "kind": "experiment", "exchanged": "odd.csv"}
     contents(published, [odd, {"folder": "plain", "kind": "paper"}])
+    with pytest.raises(
+        ValueError, match="exchanged needs pairs, whose first says which arm's skills stand in whose"
+    ):
+        results_page(published, THEIRS, "")
+    odd["pairs"] = [["tstar", "buffer_no_gate"]]
+    contents(published, [odd, {"folder": "plain", "kind": "paper"}])
     page = results_page(published, THEIRS, "")
     assert "#### Skills exchanged" in page and "odd_table_exchanged.png" in page
+    assert "between the two chains of a seed: T-STAR less buffer starts, every turn kept." in page
     assert re.search(
         r"\| skill 1 to skill 2 \| 2 \| \+0\.250 \[[^|]+\] \| no clear difference \| [+-]0\.000 \[", page
     )

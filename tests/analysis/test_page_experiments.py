@@ -23,7 +23,7 @@ def test_an_experiment_has_arms_comparisons_and_its_commit(published):
     # T-STAR: the mean of .75 and .5; its skills do all of their own starts, so the gap is 1 - .625, and Student's
     # interval of .25 and .5 with one degree of freedom 12.71 times .125 wide to each side. Best is as last.
     assert re.search(
-        r"\| T-STAR \| 2 \| 0\.625 \[0\.\d\d, 0\.\d\d\] .*\| 0\.75 0\.50 \| - \| 0\.625 \| 1\.000 \| 0\.375 \+- 1\.59",
+        r"\| T-STAR \| 2 \| 0\.625 \[0\.\d\d, 0\.\d\d\] .*\| 0\.75 0\.50 \| - \| 0\.625 \| 1\.000 \| 0\.375 \+- 1\.588",
         odd,
     )
     assert "| buffer starts, every turn kept | 2 | 0.378 [" in odd
@@ -161,7 +161,7 @@ def test_an_arm_may_have_no_gap_and_a_rule_for_better_shows_what_decides(publish
     asked = {"asks": "Better?", "pairs": [["tstar", "buffer_no_gate"]], "seeds": 2, "improvement": 0.95}
     odd = {"folder": "odd", "kind": "experiment", "pairs": asked["pairs"], "families": [asked["pairs"]]}
     contents(published, [{**odd, "questions": [asked]}, {"folder": "plain", "kind": "paper"}])
-    assert "| 1.000 | 0.375 +- 1.59 |" in results_page(published, THEIRS, "")
+    assert "| 1.000 | 0.375 +- 1.588 |" in results_page(published, THEIRS, "")
     contents(
         published, [{**odd, "questions": [asked], "no_gap": ["tstar"]}, {"folder": "plain", "kind": "paper"}]
     )
@@ -177,7 +177,7 @@ def test_the_interval_of_an_answer_is_the_wider_of_two(published):
     asked = {"asks": "Does it help?", "pairs": [["tstar", "buffer"]], "seeds": 2, "margin": 0.05}
     odd = {"folder": "odd", "kind": "experiment", "pairs": asked["pairs"], "questions": [asked]}
     contents(published, [odd, {"folder": "plain", "kind": "paper"}])
-    assert "| Does it help? | +0.188 [-0.61, +0.98] |" in results_page(published, THEIRS, "")
+    assert "| Does it help? | +0.188 [-0.607, +0.982] |" in results_page(published, THEIRS, "")
 
 
 def test_an_experiment_may_call_an_arm_otherwise(published):

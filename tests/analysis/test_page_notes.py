@@ -37,11 +37,11 @@ def test_what_each_choice_adds_is_said_in_the_words_of_the_contents(published):
     rows = [line.strip("| ").split(" | ") for line in page.split("| what is chosen |")[1].splitlines()]
     rows = {row[0]: row[1:] for row in rows}
     # Both seeds differ by .25, so that Student's interval is a point.
-    assert rows["d_omega and a gate"][1:] == ["+0.22 to +0.28", "2", "higher"]
+    assert rows["d_omega and a gate"][1:] == ["+0.216 to +0.279", "2", "higher"]
     assert rows["d_omega and a gate"][0].startswith("+0.247 [")
     # .01 and 0: half of 12.7 deviations of .0071, over the root of two, is .064.
-    assert rows["hardly anything"][1:] == ["-0.06 to +0.07", "2", "no clear difference"]
-    assert rows["nothing"] == ["+0.000 [+0.000, +0.000]", "+0.00 to +0.00", "2", "within 0.05 of zero"]
+    assert rows["hardly anything"][1:] == ["-0.059 to +0.069", "2", "no clear difference"]
+    assert rows["nothing"] == ["+0.000 [+0.000, +0.000]", "+0.000 to +0.000", "2", "within 0.05 of zero"]
     assert rows["one seed"][1:] == ["-", "1", "one seed"]
     assert "what was not run" not in rows
     drawn = draw_page(published, THEIRS, published / "figures")
@@ -60,7 +60,7 @@ def test_the_readme_has_what_the_notes_begin_with_and_its_tables(published):
     head = results_head(published, THEIRS, notes)
     lead = "Found [so](docs/results.md#so).\n\n![Drawn.](docs/figures/a.png) [Site](https://a.b)"
     assert head.startswith(f"{lead}\n\n| chain |") and "ore" not in head
-    assert re.search(r"\| T-STAR \| 0\.625 \[[^|]+\| 0\.625 \[[^|]+\| 0\.375 \+- 1\.59 \| 2 \|", head)
+    assert re.search(r"\| T-STAR \| 0\.625 \[[^|]+\| 0\.625 \[[^|]+\| 0\.375 \+- 1\.588 \| 2 \|", head)
     assert "| buffer starts, every turn kept |" in head
 
 
@@ -83,12 +83,18 @@ def test_goals_and_who_reaches_them_by_hand(published):
 
 
 def test_systems_of_two_experiments_stand_beside_the_papers(published):
+    with pytest.raises(
+        ValueError, match="beside the paper: tstar is in plain and in odd, whose seeds would be one"
+    ):
+        results_head(published, THEIRS, "<!-- beside the paper: odd: plain -->")
+    (published / "plain/table/tstar").rename(published / "plain/table/bc")
     shown = results_head(published, THEIRS, "<!-- beside the paper: odd: plain -->").splitlines()
-    # T-STAR makes .75 and .5, and in the other experiment 1: mean .75, Student's half 4.303 times .25 / sqrt 3.
+    assert shown[2] == "| BC | 0.03 +- 0.00 | - | 1.00 | 1.00 | 1.00 | 1 | 0.50M |"
+    # T-STAR makes .75 and .5: mean .625, Student's half 12.706 times .125.
     assert (
-        shown[2] == "| T-STAR | 0.90 +- 0.07 | 87% | 0.75 +- 0.62 | 0.75 +- 0.62 | 0.75 +- 0.62 | 3 | 0.50M |"
+        shown[3] == "| T-STAR | 0.90 +- 0.07 | 87% | 0.62 +- 1.59 | 0.62 +- 1.59 | 0.62 +- 1.59 | 2 | 0.50M |"
     )
-    assert shown[3].startswith("| buffer starts, every turn kept | - | - | 0.38 +- ") and len(shown) == 4
+    assert shown[4].startswith("| buffer starts, every turn kept | - | - | 0.38 +- ") and len(shown) == 5
 
 
 def test_the_readme_has_less_than_the_pages_lead(published):

@@ -78,3 +78,14 @@ def test_the_page_shows_it_where_a_signal_was_judged(told, tmp_path_factory):
         file = told / f"odd/table/tstar/seed{seed}/metrics.csv"
         pd.read_csv(file).drop(columns=["d_omega_auc", "d_omega_sd"]).to_csv(file, index=False)
     assert "odd_table_signals.png" not in results_page(told, THEIRS, "")
+
+
+def test_many_rounds_go_from_dark_to_light_and_the_key_names_three(told):
+    rows = signal_turns(read_metrics(told / "odd"), "table")
+    many = pd.concat([rows[rows["round"] == 0].assign(round=number) for number in range(16)])
+    figure = signals_figure(many, {"d_omega": "T-STAR"})
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["round 1", "round 9", "round 16"]
+    dots = [
+        line for line in figure.axes[0].lines if line.get_linestyle() == "None" and line.get_marker() == "o"
+    ]
+    assert len({line.get_color() for line in dots}) == 16

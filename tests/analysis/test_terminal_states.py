@@ -93,8 +93,8 @@ def test_what_signals_said_is_read_and_drawn_against_what_happened(tmp_path):
     np.testing.assert_allclose(second.get_offsets(), [[0.5, 0.25]])
     np.testing.assert_allclose(first.get_sizes(), [30, 120])  # areas go with the states
     assert axes.get_title() == "f" and [text.get_text() for text in axes.get_legend().get_texts()] == [
-        "after skill 0",
         "after skill 1",
+        "after skill 2",
     ]
     assert (
         "calibration.csv"

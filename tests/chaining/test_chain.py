@@ -110,7 +110,9 @@ def test_episodes_begin_where_the_skill_before_ended(recipe, point_chain, monkey
         log(turn, rollout, row)
 
     monkeypatch.setattr(Turn, "log", note)
-    point_chain(recipe, *SHORT)
+    table = point_chain(recipe, *SHORT)
+    drawn = table[table.skill > 0][["starts_chained", "starts_environment"]]
+    assert (drawn.starts_chained / drawn.sum(axis=1)).between(0.7, 0.9).all()  # .8 of them are asked for
     for index in range(NUM_SKILLS):
         starts = torch.cat(seen[index])
         assert starts.min() > -0.6 and starts.max() < 1.0

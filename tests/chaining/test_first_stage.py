@@ -111,3 +111,16 @@ def test_an_update_is_made_once(point_chain, monkeypatch):
     monkeypatch.setattr(SkillTraining, "policy_update", lambda training: [make(training), make(training)][1])
     with pytest.raises(InvalidValueError, match="has an update_policy already"):
         point_chain("gail_ppo", "training.total_steps=512", "system=twice")
+
+
+def test_exploration_falls_evenly_from_rollout_to_rollout(point_chain, monkeypatch):
+    used, log = [], SkillTraining.log
+
+    def note(training, rollout, row):
+        used.extend(rollout["scale"][..., 0].unique().tolist())
+        log(training, rollout, row)
+
+    monkeypatch.setattr(SkillTraining, "log", note)
+    values = ("training.total_steps=2048", "exploration={arm: [0.4, 0.2], hand: [0.3, 0.3]}")
+    point_chain("gail_ppo", *values, "system=falling")
+    assert used == pytest.approx([0.4, 0.35, 0.3, 0.25])

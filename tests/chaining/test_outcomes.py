@@ -9,6 +9,7 @@ from tensordict import TensorDict
 from torch.testing import assert_close
 
 from tstar_rl.chaining.chain_training import ChainTraining
+from tstar_rl.chaining.paths import PathLog
 from tstar_rl.chaining.signals import StateValue, critic_errors, outcomes_of, value_scale
 from tstar_rl.chaining.skill import APPROACH, Skill
 from tstar_rl.chaining.trials import Trial, run_trial
@@ -54,6 +55,15 @@ def test_paths_end_where_the_episodes_do(trial):
             assert torch.equal(trial.handed_over(index), path.states[:, 1] > 0)
     ends = trial.skills[0].path.states[trial.skills[0].path.steps_left == 0]
     assert torch.equal(ends.sort(0).values, trial.skills[1].starts.sort(0).values)
+
+
+def test_an_episode_gives_no_more_states_than_it_had_and_a_long_one_its_last():
+    log = PathLog(3, 3)
+    for step, running in enumerate(([1, 1, 1], [1, 1, 0], [0, 1, 0], [0, 1, 0])):
+        log.add(10 * torch.arange(3.0).unsqueeze(-1) + step, torch.tensor(running, dtype=torch.bool))
+    path = log.of(torch.arange(3))
+    assert path.states.flatten().tolist() == [1, 0, 13, 12, 11, 20]
+    assert path.steps_left.tolist() == [0, 1, 0, 1, 2, 0] and path.simulation.tolist() == [0, 0, 1, 1, 1, 2]
 
 
 def test_a_trial_without_paths_is_the_same_otherwise(skills, trial):

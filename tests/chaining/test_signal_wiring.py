@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 import torch
+from torch.testing import assert_close
 
 from tstar_rl.chaining import turn_updates, turns
 from tstar_rl.chaining.chain_training import ChainTraining
@@ -87,24 +88,20 @@ def test_a_turn_estimates_the_rest_of_the_chain_by_the_next_skills_f(point_chain
 
     def watched(turn, rollout, later):
         found = outcomes(turn, rollout, later)
-        added.append(
-            (
-                turn.index,
-                *found[1:],
-                None if later is None else later(turn.chained(rollout)["next", "observation"]),
-            )
-        )
+        ended = turn.chained(rollout)["next"]
+        ended = ended[ended["done"].squeeze(-1)]["observation"]
+        said = turn.following.network("feasibility")(ended) if turn.following else torch.zeros(len(ended), 1)
+        added.append((turn.index, *found[1:], None if later is None else said.detach().sigmoid().squeeze(-1)))
         return found
 
     monkeypatch.setattr(Turn, "outcomes", watched)
     point_chain("feasibility", *SHORT, "chain.links=3")
     assert [index for index, *_ in added] == [0, 1, 2]
-    for index, succeeded, share, later in added:
-        assert (share[~succeeded] == 0).all() and succeeded.any()
-        least = 1 / (3 - index)
-        assert (share[succeeded] >= least - 1e-6).all() and (share <= 1).all()
-        assert (later is None) == (index == 2)
-        assert later is None or bool((share[succeeded] > least).any())  # F is never 0
+    for index, succeeded, share, feasible in added:
+        left = 3 - index
+        assert succeeded.any() and (feasible is None) == (index == 2)
+        rest = torch.zeros_like(share) if feasible is None else (left - 1) * feasible
+        assert_close(share, succeeded * (1 + rest) / left)
 
 
 def test_a_signal_for_the_share_is_judged_by_the_share_from_the_next_skill_on(

@@ -193,6 +193,25 @@ def test_a_killed_chain_goes_on_to_the_same_figures(recipe, whole_and_resumed, t
     pd.testing.assert_frame_equal(resumed, whole)
     for one, other in zip(*(load_chain(last(tmp_path, system)) for system in ("whole", "cut")), strict=True):
         torch.testing.assert_close(one.network_state(), other.network_state(), rtol=0, atol=0)
+    if recipe == "feasibility":
+        floor = load_chain(last(tmp_path, "whole"))[1].network("feasibility").normalizer.floor
+        assert float(floor) == pytest.approx(1e-4)
+
+
+@pytest.mark.parametrize("recipe", ["feasibility", "hand_over_value", "scar_like"])
+def test_a_signal_is_paid_as_its_options_say(recipe, point_chain, monkeypatch):
+    own = ("value_scale=1", "alpha=3") if recipe == "hand_over_value" else ()
+    given, signal = [], Turn.signal
+
+    def noted(turn, name, one, *label):
+        given.append(one)
+        return signal(turn, name, one, *label)
+
+    monkeypatch.setattr(Turn, "signal", noted)
+    short = ("chain.gate=false", "chain.steps_per_turn=512", "chain.trial_every=100", "chain.links=2")
+    point_chain(recipe, *short, "terminal_reward={score: before, baseline: running_mean}", *own)
+    assert {(one.score, one.baseline) for one in given} == {("before", "running_mean")}
+    assert recipe != "hand_over_value" or {one.alpha for one in given} == {3.0}
 
 
 @pytest.mark.parametrize("recipe", ["tstar", "policy_sequencing", *OWN])

@@ -109,7 +109,7 @@ def test_a_simulation_that_breaks_as_it_arrives_has_not_succeeded(skills):
 def assert_same(one: Trial, other: Trial) -> None:
     """Whether two trials say the same, to the bit."""
     for this, that in zip(one.skills, other.skills, strict=True):
-        for name in ("starts", "succeeded", "ends", "simulations"):
+        for name in ("starts", "succeeded", "ends", "over", "simulations"):
             assert_close(getattr(this, name), getattr(that, name), rtol=0, atol=0, equal_nan=True)
         for mine, theirs in zip(this.path, that.path, strict=True):
             assert torch.equal(mine, theirs)

@@ -1,6 +1,7 @@
 """What a turn learns from and what it keeps, on a chain that trains in seconds."""
 
 from copy import deepcopy
+from types import SimpleNamespace
 
 import pandas as pd
 import pytest
@@ -12,6 +13,8 @@ from tstar_rl.chaining.gate import Gate
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.chaining.trials import run_trial
 from tstar_rl.chaining.turns import Turn
+from tstar_rl.config import chain
+from tstar_rl.updates import DiscriminatorUpdate
 
 SHORT = ("chain.gate=false", "chain.steps_per_turn=512", "chain.trial_every=100")
 """Turns of one rollout, and no trial."""
@@ -228,3 +231,28 @@ def test_a_turn_explores_as_the_schedule_ends(point_chain, monkeypatch):
     monkeypatch.setattr(Turn, "log", note)
     point_chain("tstar", *SHORT, "chain.links=2", "exploration={arm: [0.5, 0.25], hand: [0.3, 0.3]}")
     assert used == {0.25}
+
+
+def test_a_chain_that_is_killed_twice_goes_on_to_the_same_figures(whole_and_resumed):
+    """Between the kills skill 0 has its turn; what skills 1 and 2 carry over waits in two checkpoints."""
+    values = ("chain.gate=false", "chain.rounds=2", "chain.links=3")
+    whole, resumed = whole_and_resumed("tstar", *values, kills=(3, 4))
+    pd.testing.assert_frame_equal(resumed, whole)
+
+
+def test_f_phi_learns_from_the_demonstrations_of_its_own_subtask(point_chain, monkeypatch):
+    def demonstrations(config, subtask):
+        observations = torch.full((64, 72), float(subtask))
+        return SimpleNamespace(observations=observations, actions=torch.zeros(64, 9))
+
+    monkeypatch.setattr(chain, "load_demonstrations", demonstrations)
+    seen, update = [], DiscriminatorUpdate.__call__
+
+    def noted(this, **kinds):
+        if "expert" in kinds:
+            seen.append(float(kinds["expert"].mean()))
+        return update(this, **kinds)
+
+    monkeypatch.setattr(DiscriminatorUpdate, "__call__", noted)
+    point_chain("tstar", *SHORT, "chain.links=3")
+    assert seen == [0.0, 1.0, 2.0]

@@ -95,6 +95,12 @@ class TestSpirlTraining:
         assert record["env_steps"] == 36 and record["recipe"] == "spirl"
         assert (training.run.work / "finished.json").is_file()
 
+    def test_steps_after_an_episodes_end_are_not_counted(self, make_env, tmp_path):
+        """Of six steps an episode has a latent of four and one of two."""
+        training = self.make(lambda: make_env(max_steps=6), tmp_path)
+        self.latents(training)
+        assert pd.read_csv(training.run.results / "metrics.csv").env_steps.tolist() == [12, 18, 30]
+
     def test_a_rollout_that_is_not_logged_is_an_error(self, make_env, tmp_path):
         training = self.make(make_env, tmp_path)
         rollouts = training.rollouts()

@@ -145,6 +145,7 @@ class TestLatentPolicyUpdate:
         agent, update = self.make(critic_warmup=50)
         before = [p.clone() for p in agent.network.parameters()]
         update(transitions(agent), 50)
+        assert update.minibatches == 50
         assert all(torch.equal(a, b) for a, b in zip(before, agent.network.parameters(), strict=True))
 
     def test_the_target_critics_follow_the_critics(self):

@@ -40,8 +40,12 @@ TRANSFORMS = {
     "ProximityReward": (lambda: ProximityReward(Slot()), "reward_proximity", True),
     "RewardMixture": (lambda: RewardMixture({"env": 0.5}), "reward", True),
     "EpisodeStart": (EpisodeStart, "start_observation", False),
-    "SkillChainReset": (lambda: SkillChainReset(FixedStarts()), None, False),
-    "SkillChainReset mixed": (lambda: SkillChainReset(MixedStarts([FixedStarts()] * 2, [1, 7])), None, False),
+    "SkillChainReset": (lambda: SkillChainReset(FixedStarts()), "start_chained", False),
+    "SkillChainReset mixed": (
+        lambda: SkillChainReset(MixedStarts([FixedStarts()] * 2, [1, 7])),
+        "start_chained",
+        False,
+    ),
     "LatentExecution": (lambda: LatentExecution(repeat, 9, 2, latent_key="action"), "latent_steps", False),
 }
 contract = pytest.mark.parametrize("name", TRANSFORMS)

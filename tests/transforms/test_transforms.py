@@ -236,3 +236,26 @@ def test_terms_that_are_there_keep_their_weights_their_scales_and_the_scale_of_t
     for tsr, expected in ((TerminalStateReward(Slot()), last | {"reward_tsr": 5.0}), (None, last)):
         *terms, found = weighted(mixture, {"gail": GAILReward(Slot()), "tsr": tsr})
         assert found.effective_weights() == pytest.approx(expected) and len(terms) == len(expected) - 1
+
+
+def test_every_row_says_whether_its_episode_began_in_a_chained_start(make_env, policy):
+    """Also where others begin anew meanwhile, some of them from the environment's own starts."""
+    both = Compose(EpisodeStart(), SkillChainReset(FixedStarts(), 0.5, seed=3))
+    rollout = TransformedEnv(make_env(num_envs=20), both).rollout(8, policy, break_when_any_done=False)
+    began = torch.isclose(rollout["start_observation"][..., :1], torch.tensor(0.9))
+    done = rollout["next", "done"]
+    assert (done.any(0) & ~done.all(0)).any() and 0 < began.sum() < began.numel()
+    assert torch.equal(rollout["start_chained"], began) and torch.equal(
+        rollout["next", "start_chained"], began
+    )
+
+
+def test_torchrl_hands_on_which_simulations_take_a_step(make_env, policy):
+    """A simulation that stands where it succeeded is paid nothing again, and does not count in the mean."""
+    env = TransformedEnv(make_env(num_envs=2), TerminalStateReward(ConstantBonus(1.0)))
+    start = env.reset()
+    env.base_env.physics[:, 0] = 0.9
+    first = env.step(policy(start))
+    assert first["next", "reward_tsr"].flatten().tolist() == [1.0, 1.0]
+    again = env.step(policy(env.step_mdp(first)).set("_step", torch.tensor([False, True])))
+    assert again["next", "reward_tsr"].flatten().tolist() == [0.0, 1.0] and env.transform.successes == 3

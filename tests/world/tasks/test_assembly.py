@@ -233,3 +233,19 @@ def test_an_episode_that_terminates_at_the_time_limit_is_not_truncated_too():
     world.step(idle(world))
     terminated, truncated = world.task.get_termination(world.state)
     assert terminated.all() and not truncated.any()
+
+
+def test_a_subtask_remembers_how_it_finds_the_world():
+    """At the start, and after one and two connections; the arm stays where it was, so phase 0 begins each."""
+    world = make(1, None, name="chair_ingolf", reset_robot=False)  # whose waypoints differ from step to step
+    expert = world.expert()
+    for done in range(3):
+        state, scene = world.state, world.task.scene(world.state)
+        assert state["subtask"].item() == done and state["phase"].item() == 0
+        assert_close(state["start_tip"], scene.tip)
+        assert_close(state["start_target"], scene.target_connector)
+        assert_close(state["lift_point"], scene.part + world.task.tables.waypoint[done])
+        assert_close(state["potential"], world.task.step_reward.potentials(scene))
+        assert state["potential"][0, 0].item() == pytest.approx(-100.0)
+        while done < 2 and world.state["completed"][0] == done:
+            world.step(expert.act(world.state))

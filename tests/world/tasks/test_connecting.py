@@ -4,7 +4,7 @@ import torch
 from worlds import aligned, idle, make
 
 
-def test_nothing_connects_without_asking_or_holding():
+def test_nothing_connects_where_nobody_asks_or_asks_from_afar():
     world = make(2)
     asking = idle(world)
     asking[:, 8] = 1.0

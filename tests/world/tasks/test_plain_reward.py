@@ -27,6 +27,9 @@ def test_every_step_of_noisy_episodes_pays_what_the_definition_says(name):
         wanted = plain_reward.reward(task, before, now, action.clamp(-1, 1), connected)
         unmoved = ~connected  # where parts were joined, the arm went home before one could look
         assert torch.equal(world.state["reward"][unmoved], wanted[unmoved])
+        kept = plain_reward.potentials(now, before["start_tip"], before["lift_point"], tables.z_finedist)
+        torch.testing.assert_close(world.state["potential"][unmoved], kept[unmoved])
+        assert torch.equal(world.state["grip_action"][unmoved], action[unmoved, 7].clamp(-1, 1))
         assert all(
             map(torch.equal, now.alignment, plain_reward.alignment(task, now, before["subtask"]))
         ) and torch.equal(now.aligned, now.alignment.aligned)

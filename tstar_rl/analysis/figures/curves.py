@@ -73,7 +73,7 @@ def _lines(axes: Axes, rows: pd.DataFrame, column: str, colour: str, values: Seq
         rows: of one panel.
         column: that is drawn.
         colour: the column whose value has a line's colour.
-        values: all values of that in the figure: a colour means the same in each panel.
+        values: all values of that in the figure: a colour means the same in each panel. Skills are counted from 1.
     """
     labelled = set()
     if colour == "seed":
@@ -84,7 +84,7 @@ def _lines(axes: Axes, rows: pd.DataFrame, column: str, colour: str, values: Seq
         pieces = [colour, "seed", "piece"]
     for place, run in rows.groupby(pieces):
         value = int(place[0])  # pyright: ignore[reportGeneralTypeIssues]
-        label = None if value in labelled else f"{colour} {value}"
+        label = None if value in labelled else f"{colour} {value + (colour == 'skill')}"
         labelled.add(value)
         style = {"marker": ".", "markersize": 3, "linewidth": 1, **_line(values.index(value))}
         axes.plot(run.env_steps, run[column], label=label, **style)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from tstar_rl.runs.files import replacing, turn_to_write
 
 __all__ = [
+    "COLOURS",
     "MARKERS",
     "THRESHOLDS",
     "arm_dots",

@@ -1,16 +1,19 @@
 """What the signals of an experiment told of the next skill's outcomes, turn by turn."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib import colormaps
 from matplotlib.axes import Axes
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from tstar_rl.analysis.differences import student_half
 from tstar_rl.analysis.figures.arms import name_rows
-from tstar_rl.analysis.figures.panels import arm_dots, message, panels
+from tstar_rl.analysis.figures.panels import COLOURS, MARKERS, arm_dots, message, panels
 
 __all__ = ["signals_figure"]
 
@@ -22,8 +25,8 @@ SIDEWARDS = 0.3
 def signals_figure(turns: pd.DataFrame, labels: Mapping[str, str]) -> Figure:
     """AUC and spread of each arm's signal: a column of panels for each seam, a dot for each turn of a seed.
 
-    A dot's colour is the round; it is hollow where the gate put the turn back. A bar below is the mean over seeds of
-    their kept turns, with Student's 95% interval.
+    A dot's colour is the round, with more than seven from dark to light; it is hollow where the gate put the turn back.
+    A bar below is the mean over seeds of their kept turns, with Student's 95% interval.
 
     Args:
         turns: of `turns.signal_turns`.
@@ -45,16 +48,24 @@ def signals_figure(turns: pd.DataFrame, labels: Mapping[str, str]) -> Figure:
             axes.set_xlabel(said, fontsize=8)
             name_rows(axes, list(labels.values()) if axes is line[0] else [""] * len(labels), fontsize=8)
         line[0].set_xlim(0, 1.02 if measure == "auc" else None)
-    styles = [{**arm_dots(place), "linestyle": ""} for place in range(len(rounds))]
+    few = len(rounds) <= len(COLOURS)
+    shown = rounds if few else [rounds[0], rounds[len(rounds) // 2], rounds[-1]]
     keys = [
-        Line2D([], [], label=f"round {number + 1}", **style)
-        for number, style in zip(rounds, styles, strict=True)
+        Line2D([], [], label=f"round {number + 1}", linestyle="", **_dot(rounds, number)) for number in shown
     ]
-    hollow = {**styles[0], "markerfacecolor": "none"}
     if not turns["kept"].all():
-        keys.append(Line2D([], [], label="put back", **hollow))
+        hollow = {**_dot(rounds, rounds[0]), "markerfacecolor": "none"}
+        keys.append(Line2D([], [], label="put back", linestyle="", **hollow))
     figure.legend(handles=keys, loc="outside lower center", ncols=len(keys), fontsize=8)
     return figure
+
+
+def _dot(rounds: list[int], number: int) -> dict[str, Any]:
+    """Colour and marker of a round's turns: of its own, or, of more rounds than there are colours, on a scale."""
+    place = rounds.index(number)
+    if len(rounds) <= len(COLOURS):
+        return arm_dots(place)
+    return {"color": to_hex(colormaps["viridis"](0.9 * place / (len(rounds) - 1))), "marker": MARKERS[0]}
 
 
 def _panel(axes: Axes, turns: pd.DataFrame, measure: str, signals: list[str], rounds: list[int]) -> None:
@@ -64,7 +75,7 @@ def _panel(axes: Axes, turns: pd.DataFrame, measure: str, signals: list[str], ro
         mine = turns[(turns["signal"] == signal) & turns[measure].notna()]
         for number, those in mine.groupby("round"):
             offsets = np.linspace(-SIDEWARDS, 0.05, len(those)) if len(those) > 1 else [0.0]
-            style = arm_dots(rounds.index(number))
+            style = _dot(rounds, int(str(number)))
             for value, offset, kept in zip(those[measure], offsets, those["kept"], strict=True):
                 face = style["color"] if kept else "none"
                 axes.plot(

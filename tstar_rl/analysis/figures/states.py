@@ -6,8 +6,9 @@ from textwrap import fill
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
-from tstar_rl.analysis.figures.panels import message, panels, readable
+from tstar_rl.analysis.figures.panels import COLOURS, message, panels, readable
 
 __all__ = ["hand_over_matrix", "reliability_figure", "terminal_state_plane"]
 
@@ -53,7 +54,7 @@ def hand_over_matrix(table: pd.DataFrame) -> Figure:
                 number = values[row, place]
                 axes.text(place, row, "" if number != number else f"{number:.2f}", ha="center", va="center")
         axes.set_title(title, fontsize=9)
-        axes.set_xticks(range(len(subtasks)), [f"skill {index}" for index in subtasks])
+        axes.set_xticks(range(len(subtasks)), [f"skill {index + 1}" for index in subtasks])
         axes.set_yticks(range(len(systems)), [readable(name) for name in systems])
     return figure
 
@@ -65,14 +66,14 @@ ACROSS = 3
 def reliability_figure(table: pd.DataFrame) -> Figure:
     """What signals said of the states that were handed over, against what then happened: a panel a signal.
 
-    A point is a bin of one turn's scores, its area the number of states; on the diagonal a score is a probability.
+    A point is a bin of scores, its area the number of states; on the diagonal a score is a probability.
 
     Args:
         table: rows of `tables.read_calibration`.
     """
     if table.empty:
         return message("no calibration.csv yet: a recipe with a signal writes it")
-    signals = list(dict.fromkeys(table["signal"]))
+    signals, skills = list(dict.fromkeys(table["signal"])), sorted(set(table["skill"]))
     columns = min(len(signals), ACROSS)
     rows_of_panels = -(-len(signals) // columns)
     size = (3.6 * columns, 3.6 * rows_of_panels)
@@ -83,12 +84,20 @@ def reliability_figure(table: pd.DataFrame) -> Figure:
     for axes, signal in zip(places, signals, strict=False):
         rows = table[table["signal"] == signal]
         for skill, own in rows.groupby("skill"):
-            areas = 120 * own["states"] / rows["states"].max()
-            axes.scatter(own["score"], own["outcome"], s=areas, alpha=0.6, label=f"after skill {skill}")
+            areas, colour = (
+                120 * own["states"] / rows["states"].max(),
+                COLOURS[skills.index(skill) % len(COLOURS)],
+            )
+            axes.scatter(own["score"], own["outcome"], s=areas, alpha=0.6, color=colour)
         axes.plot([0, 1], [0, 1], color="0.5", linewidth=0.8)
         axes.set(xlabel="said", xlim=(-0.03, 1.03), ylim=(-0.03, 1.03))
         axes.set_title(fill(readable(signal), 42), fontsize=9)
     for line in grid:
         line[0].set_ylabel("happened")
-    grid[0][0].legend(fontsize=7)
+    dots = [{"color": COLOURS[place % len(COLOURS)], "marker": "o"} for place in range(len(skills))]
+    keys = [
+        Line2D([], [], linestyle="", label=f"after skill {int(skill) + 1}", **dot)
+        for skill, dot in zip(skills, dots, strict=True)
+    ]
+    grid[0][0].legend(handles=keys, fontsize=7)
     return figure

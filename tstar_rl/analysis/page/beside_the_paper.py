@@ -1,6 +1,7 @@
 """Runs of several experiments beside the paper's Table 1, for the notes."""
 
 from collections.abc import Sequence
+from itertools import combinations
 
 import pandas as pd
 
@@ -9,6 +10,7 @@ from tstar_rl.analysis.page.contents import Entry
 from tstar_rl.analysis.page.markdown import Paper, labels, mean_and_half, millions, table, theirs
 from tstar_rl.analysis.page.sections import pick
 from tstar_rl.analysis.tables import evaluations_of, whole_task
+from tstar_rl.checks import InvalidValueError
 
 __all__ = ["beside_the_paper"]
 
@@ -27,13 +29,20 @@ def beside_the_paper(
         entry: of the experiment.
         task: one of the experiment's.
         folders: of experiments beside it whose systems stand in the same table.
+
+    Raises:
+        InvalidValueError: if a system is in two of them.
     """
-    whole = pd.concat(
-        [
-            whole_task(evaluations_of(entry.folder.parent / each), task)
-            for each in (*folders, entry.folder.name)
-        ]
-    )
+    every = {
+        name: whole_task(evaluations_of(entry.folder.parent / name), task)
+        for name in (*folders, entry.folder.name)
+    }
+    for one, other in combinations(every, 2):
+        if both := set(every[one]["recipe"]) & set(every[other]["recipe"]):
+            raise InvalidValueError(
+                f"beside the paper: {', '.join(sorted(both))} is in {one} and in {other}, whose seeds would be one mean"
+            )
+    whole = pd.concat(every.values())
     lines = []
     for system, label in labels(paper, whole["recipe"]).items():
         last, best = (pick(whole, system, checkpoint) for checkpoint in ("last", "best"))

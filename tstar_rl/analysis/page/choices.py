@@ -33,8 +33,11 @@ def choice_table(experiment: Experiment, paper: Paper, entry: Entry, task: str) 
         small = all(
             abs(end) < SMALL for end in (low, high, mean - half, mean + half)
         )  # half is nan where Student says nothing
-        student = NOTHING if math.isnan(half) else f"{mean - half:+.2f} to {mean + half:+.2f}"
-        verdict = f"within {SMALL} of zero" if small else str(row.verdict)
+        student = NOTHING if math.isnan(half) else f"{mean - half:+.3f} to {mean + half:+.3f}"
+        verdict = str(row.verdict)
+        if small:
+            told = "" if verdict == "no clear difference" else f"{verdict}, "
+            verdict = f"{told}within {SMALL} of zero"
         lines.append([said, signed_interval(mean, low, high), student, str(row.seeds), verdict])
     return table(HEADER, lines) if lines else ""
 

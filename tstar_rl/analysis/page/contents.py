@@ -58,7 +58,7 @@ class Entry:
     late_trials: int | None = None
     """Declared before the experiment ran: the round, counted from 1, whose trial the last one is compared with."""
     exchanged: Path | None = None
-    """A table of `recipes/exchanged.py` of two of its arms, all of its seeds, one task."""
+    """A table of `recipes/exchanged.py` of the first of its pairs, all of its seeds, one task."""
     figure_arms: tuple[str, ...] = ()
     """Arms whose profiles and costs are drawn, where all would not be told apart; none named: all."""
     sections: tuple[str, ...] | None = None
@@ -190,6 +190,10 @@ def _check_pairs(entry: Entry, where: str) -> None:
         unknown = sorted({pair for named in each for pair in named} - set(entry.pairs))
         if unknown:
             raise InvalidValueError(f"{where}: {name} have {unknown}, not in its pairs")
+    if entry.exchanged is not None and not entry.pairs:
+        raise InvalidValueError(
+            f"{where}: exchanged needs pairs, whose first says which arm's skills stand in whose place"
+        )
 
 
 def _check_families(entry: Entry, where: str) -> None:

@@ -109,7 +109,9 @@ def _draw_runs(entry: Entry, figures: Path) -> list[Path]:
         for name, rows in curve_groups(metrics, task).items():
             if name == "single_policies":
                 rows = running_means(rows, list(COLUMNS[name]), WINDOW)
-            where = rows["recipe"] + (" " + rows["subtask"].astype(str) if name == "skills" else "")
+            where = rows["recipe"]
+            if name == "skills":
+                where = where + ", skill " + (rows["subtask"] + 1).astype(str)
             figure = seed_curves(rows.assign(panel=where), COLUMNS[name], "panel")
             found.append(save_figure(figure, figures / f"{entry.prefix}{task}_{name}.png"))
         mine = handed[(handed["task"] == task) & (handed["checkpoint"] == "last")] if len(handed) else handed

@@ -6,7 +6,7 @@ from tstar_rl.analysis.differences import outer_ends
 from tstar_rl.analysis.exchanged import effects_of_seeds, exchange_effects
 from tstar_rl.analysis.figures import effects_figure, save_figure
 from tstar_rl.analysis.page.contents import Entry
-from tstar_rl.analysis.page.markdown import exact_interval, picture, table
+from tstar_rl.analysis.page.markdown import Paper, arm_label, picture, signed_interval, table
 from tstar_rl.runs.csv_tables import read_table
 
 __all__ = ["draw_exchanged", "exchanged"]
@@ -14,12 +14,15 @@ __all__ = ["draw_exchanged", "exchanged"]
 WORDS = {"ends": "where the first skill ends", "taking over": "how the second takes over"}
 SHOWN = (
     "What either skill of a seam adds to the second one's success when it is exchanged between the two chains of a "
-    "seed. A dot is a seed; a bar the mean with the wider 95% interval."
+    "seed: {first} less {second}. A dot is a seed; a bar the mean with the wider 95% interval."
 )
 
 
-def exchanged(entry: Entry, task: str) -> str:
-    """The figure and a line for each seam; nothing where no skills were exchanged."""
+def exchanged(entry: Entry, paper: Paper, task: str) -> str:
+    """The figure and a line for each seam; nothing where no skills were exchanged.
+
+    The table is of the first of `entry.pairs`: what the first arm's skills add, in the place of the second's.
+    """
     if entry.exchanged is None:
         return ""
     found = exchange_effects(read_table(entry.exchanged))
@@ -31,10 +34,11 @@ def exchanged(entry: Entry, task: str) -> str:
             row = by_effect.loc[effect]
             value, low, high, half = (float(row[name]) for name in ("value", "low", "high", "t_half"))
             low, high = outer_ends(value, low, high, half)
-            line += [exact_interval(value, low, high), str(row["verdict"])]
+            line += [signed_interval(value, low, high), str(row["verdict"])]
         lines.append(line)
     header = ["seam", "seeds", *(each for said in WORDS.values() for each in (f"{said} [95%]", "verdict"))]
-    return f"{picture(SHOWN, _file(entry, task))}\n{table(header, lines)}"
+    first, second = (arm_label(paper, arm) for arm in entry.pairs[0])
+    return f"{picture(SHOWN.format(first=first, second=second), _file(entry, task))}\n{table(header, lines)}"
 
 
 def draw_exchanged(entry: Entry, task: str, figures: Path) -> list[Path]:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Collection, Hashable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -68,7 +69,7 @@ def _gap(gaps: pd.DataFrame, arm: str, rows: pd.DataFrame, entry: Entry) -> list
     known = mine["gap"].notna().sum()
     of = f" ({known} of {len(mine)} seeds)" if known < len(mine) else ""
     half = student_half(mine["gap"].dropna().to_numpy())
-    ends = "" if math.isnan(half) else f" +- {half:.2f}"
+    ends = "" if math.isnan(half) else f" +- {half:.3f}"
     return [f"{mine['product'].mean():.3f}{of}", f"{mine['gap'].mean():z.3f}{ends}{of}{star}"]
 
 
@@ -83,7 +84,7 @@ def arms(experiment: Experiment, paper: Paper, entry: Entry, task: str) -> str:
         line = [arm_label(paper, str(arm)), f"{row['seeds']:.0f}"]
         line += [interval_of(row, name) for name in ("progress", "success")]
         line.append(" ".join(f"{value:.2f}" for value in mine["progress"]))
-        line += [_of(noisy, arm), _of(best, arm)]
+        line += [_of(noisy, arm, int(row["seeds"])), _of(best, arm, int(row["seeds"]))]
         gap = _gap(gaps, str(arm), mine, entry)
         starred = starred or gap[1].endswith("\\*")
         lines.append([*line, *gap, millions(mine["env_steps"].mean()), *_way(mine, rows)])
@@ -105,9 +106,12 @@ def arms(experiment: Experiment, paper: Paper, entry: Entry, task: str) -> str:
     return f"{picture(said, f'{entry.prefix}{task}_arms')}\n{found}{STARRED if starred else ''}"
 
 
-def _of(levels: pd.DataFrame, arm: Hashable) -> str:
-    """The progress of an arm that `levels` may lack."""
-    return f"{levels.loc[arm, 'progress']:.3f}" if arm in levels.index else NOTHING
+def _of(levels: pd.DataFrame, arm: Hashable, seeds: int) -> str:
+    """The progress of an arm that `levels` may lack, or have of fewer than all `seeds`."""
+    if arm not in levels.index:
+        return NOTHING
+    known = int(levels.loc[arm, "seeds"])
+    return f"{levels.loc[arm, 'progress']:.3f}" + (f" ({known} of {seeds} seeds)" if known < seeds else "")
 
 
 def _way(mine: pd.DataFrame, rows: pd.DataFrame) -> list[str]:
@@ -184,18 +188,19 @@ def answers(experiment: Experiment, paper: Paper, entry: Entry, task: str) -> st
         ]
     lines = []
     for question in asked:
-        measured = [row for row in found.itertuples() if (row.first, row.second) in question.pairs]
-        shown = [
-            signed_interval(row.difference, *outer_ends(row.difference, row.low, row.high, row.t_half))
-            for row in measured
-        ]
-        if question.improvement is not None:
-            shown = [
-                f"{difference}, improvement {row.improvement:.2f}, {_p_words(row.corrected)}"
-                for difference, row in zip(shown, measured, strict=True)
-            ]
-        lines.append([question.asks, "; ".join(shown) or NOTHING, f"**{answer(question, found)}**"])
+        measured = {(row.first, row.second): row for row in found.itertuples()}
+        shown = [_measured(measured.get(pair), question.improvement is not None) for pair in question.pairs]
+        lines.append([question.asks, "; ".join(shown), f"**{answer(question, found)}**"])
     return table(["question, declared before", "difference in progress [95%]", "answer"], lines)
+
+
+def _measured(row: Any, with_improvement: bool) -> str:
+    """A pair's difference and, where that decides, its improvement; nothing of one that was not run."""
+    if row is None:
+        return NOTHING
+    shown = signed_interval(row.difference, *outer_ends(row.difference, row.low, row.high, row.t_half))
+    improvement = f", improvement {row.improvement:.2f}, {_p_words(row.corrected)}"
+    return shown + (improvement if with_improvement else "")
 
 
 def _corrected(found: pd.DataFrame, entry: Entry) -> dict[tuple[str, str], float]:

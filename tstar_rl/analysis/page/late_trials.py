@@ -37,4 +37,4 @@ def trials_over_time(metrics: pd.DataFrame, paper: Paper, task: str, earlier: in
 
 
 def _change(mean: float, half: float) -> str:
-    return f"{mean:+.3f}" if pd.isna(half) else signed_interval(mean, mean - half, mean + half)
+    return signed_interval(mean, mean - half, mean + half)

@@ -14,7 +14,6 @@ __all__ = [
     "anchor",
     "arm_label",
     "arm_order",
-    "exact_interval",
     "from_to",
     "interval",
     "interval_of",
@@ -100,13 +99,10 @@ def from_to(low: int, high: int) -> str:
 
 
 def signed_interval(value: float, low: float, high: float) -> str:
-    """A difference with its 95% interval; a narrow one with one more digit."""
-    digits = _digits(low, high)
-    return f"{value:+.3f} [{low:+.{digits}f}, {high:+.{digits}f}]"
+    """A difference with its 95% interval, to three digits: an end near zero, or near a margin, decides.
 
-
-def exact_interval(value: float, low: float, high: float) -> str:
-    """The same with three digits: an end near zero is what a reader looks for. The value alone without an interval."""
+    The value alone where there is no interval.
+    """
     if math.isnan(low):
         return f"{value:+.3f}"
     return f"{value:+.3f} [{low:+.3f}, {high:+.3f}]"

@@ -54,7 +54,8 @@ a *difference* between two arms, paired by seed, has Student's t beside it, and 
 both exclude zero. *Won* is on how many seeds the first arm has more. *Probability of improvement* is how often any seed
 of the first arm beats any seed of the second, whether or not it is the same seed, a tie counting half; so it also
 measures how far seeds are apart; with fewer than four seeds it has no interval. Where all seeds of one arm beat all of
-the other, which a bootstrap takes for certain, the interval is Newcombe's (2006, method 5). A verdict is of one pair:
+the other, which a bootstrap takes for certain, the interval is Newcombe's (2006, method 5), which may be wider than the
+bootstrap's of a little less. A verdict is of one pair:
 it is not corrected for how many pairs a table has. In tables of questions the interval of
 a difference reaches from the lower of the two lower ends to the higher of the two upper ends. Where a rule asks for a
 probability of improvement, that stands behind it, with the p-value corrected for the family of pairs (Holm). *Within
@@ -180,7 +181,7 @@ def _experiment(entry: Entry, paper: Paper) -> str:
             leads["Costs"] = costs(metrics, task, entry.prefix)
             leads["Turns"] = turns(metrics, paper, task, entry.prefix)
             leads["Calibration"] = calibration(entry.folder, metrics, paper, task, entry.prefix)
-            leads["Skills exchanged"] = exchanged(entry, task)
+            leads["Skills exchanged"] = exchanged(entry, paper, task)
             leads["Later trials"] = trials_over_time(metrics, paper, task, entry.late_trials)
         leads["What the skills hand over"] = sections.hand_over(entry.folder, task, paper, entry.prefix)
         leads["What each aid is worth"] = skills.aids(entry.aids, evaluations, paper, task)

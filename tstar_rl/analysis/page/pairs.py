@@ -10,7 +10,7 @@ from tstar_rl.analysis.differences import outer_ends, paired_difference
 from tstar_rl.analysis.experiments import SEED, Experiment, check_arms
 from tstar_rl.analysis.hand_overs import compare_hand_overs, signal_by_seam
 from tstar_rl.analysis.page.contents import Entry
-from tstar_rl.analysis.page.markdown import NOTHING, Paper, arm_label, exact_interval, table
+from tstar_rl.analysis.page.markdown import NOTHING, Paper, arm_label, signed_interval, table
 from tstar_rl.analysis.tables import read_metrics
 from tstar_rl.checks import InvalidValueError
 
@@ -48,7 +48,7 @@ def readings(experiment: Experiment, paper: Paper, entry: Entry, task: str, arms
                 ]
                 found = paired_difference(*pair, np.random.default_rng(SEED))
                 ends = outer_ends(found.value, found.low, found.high, found.t_half)
-                line.append(exact_interval(found.value, *ends))
+                line.append(signed_interval(found.value, *ends))
             lines.append(line)
     header = ["difference", "seeds", "progress [95%]", "the whole task [95%]"]
     return table(header, lines) if lines else ""
@@ -74,8 +74,8 @@ def seams(experiment: Experiment, paper: Paper, entry: Entry, task: str, arms: S
     for subtask, row in found.iterrows():
         ends = (row["difference"] - row["t_half"], row["difference"] + row["t_half"])
         line = [f"skill {subtask} to skill {int(str(subtask)) + 1}", f"{row['seeds']:.0f}"]
-        line += [f"{row['first']:.3f}", f"{row['second']:.3f}", exact_interval(row["difference"], *ends)]
-        lines.append([*line, *_told(told.loc[subtask] if subtask in told.index else None)])
+        line += [f"{row['first']:.3f}", f"{row['second']:.3f}", signed_interval(row["difference"], *ends)]
+        lines.append([*line, *_told(told.loc[subtask] if subtask in told.index else None, int(row["seeds"]))])
     next_one = "the next succeeds"
     header = ["seam", "seeds", f"{next_one}: {arm_label(paper, first)}", arm_label(paper, second)]
     header += ["difference [95%, Student's t]", "AUC of the first's signal [95%]", "its spread"]
@@ -84,11 +84,13 @@ def seams(experiment: Experiment, paper: Paper, entry: Entry, task: str, arms: S
     return table(header, lines) if lines else ""
 
 
-def _told(row: pd.Series | None) -> list[str]:
+def _told(row: pd.Series | None, seeds: int) -> list[str]:
+    """AUC and spread, with of how many seeds where these are not the difference's."""
     if row is None:
         return [NOTHING, NOTHING]
     half = "" if math.isnan(row["auc_half"]) else f" +- {row['auc_half']:.2f}"
-    return [f"{row['auc']:.2f}{half}", f"{row['spread']:.2f}"]
+    of = "" if row["seeds"] == seeds else f" ({row['seeds']:.0f} seeds)"
+    return [f"{row['auc']:.2f}{half}{of}", f"{row['spread']:.2f}"]
 
 
 def _two(experiment: Experiment, task: str, arms: Sequence[str]) -> tuple[str, str]:

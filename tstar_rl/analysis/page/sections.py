@@ -128,7 +128,7 @@ def hand_over(root: Path, task: str, paper: Paper, prefix: str) -> str:
             rows.append([f"{label}, {checkpoint}", *cells, str(part["seed"].nunique())])
     width = max(len(row) for row in rows) - 2
     rows = [row[:-1] + [NOTHING] * (width + 2 - len(row)) + row[-1:] for row in rows]
-    header = ["system", *(f"skill {index}" for index in range(width)), "seeds"]
+    header = ["system", *(f"skill {index + 1}" for index in range(width)), "seeds"]
     said = "Success of each skill, mean over seeds: left from its own starts, right from where the one before it ends."
     shown = picture(said, f"{prefix}{task}_hand_over")
     return f"{shown}\n{HANDED}\n{table(header, rows)}"

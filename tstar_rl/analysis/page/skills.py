@@ -50,7 +50,7 @@ def _worth(found: pd.Series | None) -> list[str]:
     if found is None:
         return [NOTHING, NOTHING]
     value, half = float(found["difference"]), float(found["half"])
-    ends = f"{value:+.3f}" if math.isnan(half) else signed_interval(value, value - half, value + half)
+    ends = signed_interval(value, value - half, value + half)
     return [NOTHING if math.isnan(value) else ends, f"**{found['answer']}**"]
 
 

@@ -22,7 +22,11 @@ from tstar_rl.analysis.turns import signal_turns, turn_table
 
 __all__ = ["draw_turns", "turns"]
 
-RISE = "Progress of the chain in the trials that follow turns. A thin line is a seed, a thick one their mean."
+RISE = (
+    "Progress of the chain in the trials that follow turns. A thin line is a seed, a thick one their mean. Where "
+    "trials are many, vertical lines stand at an eighth, a quarter, half and all of the steps, and every 20th trial "
+    "has a marker."
+)
 TOLD = (
     "How well each signal told whether the next skill then succeeded (AUC), and by how much its scores differed, by "
     "seam. A dot is a turn of a seed, hollow where it was put back; a bar the mean over seeds of turns that were kept, "
