@@ -54,6 +54,11 @@ def test_nothing_is_needed_where_training_with_all_aids_fails_too():
     assert found.loc["other", "difference"] == pytest.approx(-0.71667, abs=1e-4)
 
 
+def test_every_seed_with_all_aids_must_succeed_also_one_that_the_other_arm_lacks():
+    found = worth_of_aids(RULE, skills({"all_aids": [0.9, 0.8, 0.7, 0.4], "other": [0.0, 0.09, 0.05]})).loc[3]
+    assert found["answer"].tolist() == ["worth something"] and found["seeds"].tolist() == [3]
+
+
 def test_seeds_that_all_lose_alike_say_nothing_but_by_the_first_rule():
     found = worth_of_aids(RULE, skills({"all_aids": [0.9] * 3, "a": [0.05] * 3, "b": [0.4] * 3})).loc[3]
     assert found["answer"].to_dict() == {"a": "needed", "b": "not decided"} and math.isnan(

@@ -47,8 +47,8 @@ def worth_of_aids(rule: Aids, rows: pd.DataFrame) -> pd.DataFrame:
             continue
         for arm in success.columns.drop(rule.all_aids):
             both = success[[arm, rule.all_aids]].dropna()
-            without, complete = both[arm], both[rule.all_aids]
-            differences = (without - complete).to_numpy()
+            without, complete = both[arm], success[rule.all_aids].dropna()
+            differences = (without - both[rule.all_aids]).to_numpy()
             half = student_half(differences)
             line = {
                 "seeds": len(both),

@@ -128,7 +128,10 @@ def arm_scores(rows: pd.DataFrame) -> dict[str, dict[int, NDArray[np.floating]]]
             raise ValueError(
                 f"arm {row['arm']} has two rows of seed {row['seed']}: choose checkpoint and mode"
             )
-        seeds[int(row["seed"])] = episode_progress(row)
+        try:
+            seeds[int(row["seed"])] = episode_progress(row)
+        except ValueError as error:
+            raise ValueError(f"{row.get('task', '')} {row['arm']}, seed {row['seed']}: {error}") from error
     return found
 
 
