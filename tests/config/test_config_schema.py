@@ -57,8 +57,10 @@ def test_the_config_of_every_scale_passes_the_check(name):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in NAMES if name not in TRAIN_NOTHING])
 def test_every_recipe_that_trains_at_every_scale(name):
+    # At some scales a turn of in_order has fewer rollouts than its warm-up.
+    own = ["chain.ppo.critic_warmup=1"] if name == "in_order" else []
     for scale in SPIRL_SCALES if name == "spirl" else SCALES:
-        checked(name, f"scale={scale}", "task=chair_ingolf")
+        checked(name, f"scale={scale}", "task=chair_ingolf", *own)
 
 
 def test_what_a_user_may_add():
