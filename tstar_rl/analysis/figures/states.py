@@ -73,7 +73,8 @@ def reliability_figure(table: pd.DataFrame) -> Figure:
     """
     if table.empty:
         return message("no calibration.csv yet: a recipe with a signal writes it")
-    signals, skills = list(dict.fromkeys(table["signal"])), sorted(set(table["skill"]))
+    signals = list(dict.fromkeys(table["signal"]))
+    colours = {skill: COLOURS[i % len(COLOURS)] for i, skill in enumerate(sorted(set(table["skill"])))}
     columns = min(len(signals), ACROSS)
     rows_of_panels = -(-len(signals) // columns)
     size = (3.6 * columns, 3.6 * rows_of_panels)
@@ -84,20 +85,16 @@ def reliability_figure(table: pd.DataFrame) -> Figure:
     for axes, signal in zip(places, signals, strict=False):
         rows = table[table["signal"] == signal]
         for skill, own in rows.groupby("skill"):
-            areas, colour = (
-                120 * own["states"] / rows["states"].max(),
-                COLOURS[skills.index(skill) % len(COLOURS)],
-            )
-            axes.scatter(own["score"], own["outcome"], s=areas, alpha=0.6, color=colour)
+            areas = 120 * own["states"] / rows["states"].max()
+            axes.scatter(own["score"], own["outcome"], s=areas, alpha=0.6, color=colours[skill])
         axes.plot([0, 1], [0, 1], color="0.5", linewidth=0.8)
         axes.set(xlabel="said", xlim=(-0.03, 1.03), ylim=(-0.03, 1.03))
         axes.set_title(fill(readable(signal), 42), fontsize=9)
     for line in grid:
         line[0].set_ylabel("happened")
-    dots = [{"color": COLOURS[place % len(COLOURS)], "marker": "o"} for place in range(len(skills))]
     keys = [
-        Line2D([], [], linestyle="", label=f"after skill {int(skill) + 1}", **dot)
-        for skill, dot in zip(skills, dots, strict=True)
+        Line2D([], [], linestyle="", marker="o", color=colour, label=f"after skill {int(skill) + 1}")
+        for skill, colour in colours.items()
     ]
     grid[0][0].legend(handles=keys, fontsize=7)
     return figure
