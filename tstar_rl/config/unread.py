@@ -7,20 +7,18 @@ fine-tuning, whose steps are those of chain.*). This imports no torch, so that s
 from collections.abc import Mapping
 from typing import Any
 
-from tstar_rl.chaining.warm_up import check_that_policies_learn
 from tstar_rl.config.check import ConfigError
-from tstar_rl.config.ranges import turn_shape
 from tstar_rl.config.recipe_kinds import (
     FINE_TUNING,
     IN_ORDER,
     LAUNCHING,
-    LEARN_FROM_KEPT,
     LEARN_FROM_PATHS,
     OF_CHAINS,
     ONE_POLICY,
     STEPS,
     WHOLE,
 )
+from tstar_rl.config.unread_chain import check_chain
 from tstar_rl.runs.run_folder import SKILLS, UNTRAINED, is_untrained
 
 __all__ = ["check_what_is_not_read"]
@@ -50,8 +48,6 @@ WITHOUT_PPO = ("bc", "spirl", "in_order_cloned")
 """Recipes that train policies, and have no PPO."""
 WITHOUT_WORKERS = ("bc", "spirl")
 """Recipes that train policies, and collect nothing on a cluster."""
-LOGGED = 2
-"""chain.logged_skill of every scale, whatever the furniture: where a chain has fewer skills, it logs no states."""
 
 
 def check_what_is_not_read(values: Mapping[str, Any], name: str) -> None:
@@ -99,7 +95,7 @@ def check_what_is_not_read(values: Mapping[str, Any], name: str) -> None:
     _check_normalizer(values, name)
     _check_entropy(values, name)
     if name in FINE_TUNING:
-        _check_chain(values, name)
+        check_chain(values, name)
     no_path = name in (*FINE_TUNING, "floored", "recover") and name not in LEARN_FROM_PATHS
     if no_path and values["chain"]["path_steps"]:
         raise ConfigError(
@@ -199,72 +195,4 @@ def _check_entropy(values: Mapping[str, Any], name: str) -> None:
         raise ConfigError(
             "networks.std=fixed is a deviation that does not learn, so no entropy can rise; got "
             f"{key}.entropy_coeff={asked['entropy_coeff']}: set it to 0, or networks.std=state"
-        )
-
-
-def _check_chain(values: Mapping[str, Any], name: str) -> None:
-    chain = values["chain"]
-    links = chain["links"] or values["task"]["subtasks"]
-    if chain["logged_states"] and chain["logged_skill"] >= max(links, LOGGED + 1):
-        raise ConfigError(
-            f"chain.logged_skill must be in 0..{links - 1} in a chain of {links} skills, got {chain['logged_skill']}"
-        )
-    if chain["gate"] and chain["trial_every"] != 1:
-        raise ConfigError(
-            f"chain.trial_every must be 1 with chain.gate=true, which judges every turn by a trial; got "
-            f"{chain['trial_every']}: set chain.gate=false as well"
-        )
-    if name != "in_order_cloned":  # which learns from no rollout
-        rollouts, _ = turn_shape(values)
-        warm_up = {**values["ppo"], **chain["ppo"]}.get("critic_warmup", 0)
-        check_that_policies_learn(warm_up, rollouts, chain["rounds"], chain["carry_over"], chain["order"])
-    own_only = chain["d_omega_of"] == "own" and chain["rounds"] == 1 and chain["order"] == "forward"
-    if name == "tstar" and own_only:
-        raise ConfigError(
-            "chain.rounds must be at least 2 for tstar with chain.d_omega_of=own, got 1: the d_omega that pays a skill "
-            "learns in the next skill's turn, and would pay nothing before that; or set chain.d_omega_of=next"
-        )
-    if (
-        name == "hand_over_value"
-        and values["skills"].partition("_")[0] == "bc"
-        and chain["order"] != "backward"
-    ):
-        raise ConfigError(
-            f"chain.order must be backward for hand_over_value with clones, got {chain['order']}: a clone's critic has "
-            "learned nothing before its own turn, and would pay the skill before; or chain other skills"
-        )
-    if name == "in_order_cloned" and not values["demonstrated_ends"]:
-        raise ConfigError(
-            "demonstrated_ends must be above 0 for in_order_cloned, which learns from nothing else, got 0"
-        )
-    starts, in_order = chain["starts"], bool(values.get("demonstrated_ends"))
-    if (
-        (name in LEARN_FROM_KEPT or in_order)
-        and chain["kept_states"] == "chained"
-        and not starts.get("gaussian", 0.0) + starts.get("buffer", 0.0)
-    ):
-        raise ConfigError(
-            f"chain.kept_states must be all for {name} where chain.starts has no chained starts, got chained: what "
-            "it learns from would never grow"
-        )
-    if values.get("hard_starts") and not starts.get("buffer"):
-        raise ConfigError(
-            "hard_starts is a share of the starts from the buffer, and chain.starts has none; got "
-            f"{values['hard_starts']}"
-        )
-    if values.get("hard_starts") and values["collection"]["backend"] == "ray":
-        raise ConfigError(
-            "hard_starts needs collection.backend=local, got ray: workers of a cluster draw starts from copies of a set"
-        )
-    if values.get("demonstrated_ends") and values["skills"].partition("_")[0] != "bc":
-        raise ConfigError(
-            f"skills must be clones, bc or bc_<...>, got {values['skills']}: what demonstrated_ends makes anew is "
-            "cloned over a skill, and the normaliser of its networks is fitted again; or set demonstrated_ends=0"
-        )
-    again = {"gate": chain["gate"], "rounds": chain["rounds"] > 1, "order": chain["order"] != "forward"}
-    if values.get("demonstrated_ends") and any(again.values()):
-        said = ", ".join(f"chain.{key}={chain[key]}" for key in again if again[key])
-        raise ConfigError(
-            "what demonstrated_ends makes anew is cloned in the one turn of a skill, and stays: chain.gate must be "
-            f"false, chain.rounds 1 and chain.order forward, got {said}; or set demonstrated_ends=0"
         )
