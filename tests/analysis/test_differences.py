@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tstar_rl.analysis.differences import difference_of, holm, paired_difference, student_half
+from tstar_rl.analysis.differences import (
+    difference_of,
+    holm,
+    outer_ends,
+    paired_difference,
+    signed_interval,
+    student_half,
+)
 
 
 def rng() -> np.random.Generator:
@@ -67,3 +74,14 @@ def test_a_few_equal_values_have_no_students_interval_and_many_have_one_of_no_wi
     assert math.isnan(student_half(np.zeros(3))) and student_half(np.array([0.3, 0.3, 0.4])) > 0
     found = difference_of(np.zeros(3), np.zeros(10))
     assert (found.t_half, found.p_value, found.verdict()) == (0.0, 1.0, "no clear difference")
+
+
+def test_ends_are_those_of_the_wider_interval_and_no_interval_is_shown_as_none():
+    assert outer_ends(0.2, 0.1, 0.25, 0.15) == pytest.approx((0.05, 0.35))
+    assert outer_ends(0.2, 0.0, 0.5, 0.15) == (0.0, 0.5)
+    assert outer_ends(0.2, 0.1, 0.25, math.nan) == (0.1, 0.25)  # one seed: of its episodes
+    alike = difference_of(np.full(3, 0.25), np.full(10, 0.25))
+    assert alike.verdict() == "no spread"
+    assert signed_interval(alike.value, *outer_ends(*alike[:4])) == "+0.250"
+    same = difference_of(np.zeros(3), np.zeros(10))
+    assert signed_interval(same.value, *outer_ends(*same[:4])) == "+0.000 [+0.000, +0.000]"

@@ -5,6 +5,7 @@ from pathlib import Path
 import pandas as pd
 
 from tstar_rl.analysis import variants
+from tstar_rl.analysis.differences import outer_ends, signed_interval
 from tstar_rl.analysis.experiments import arm_table, compare_arms
 from tstar_rl.runs.csv_tables import read_table
 
@@ -89,7 +90,8 @@ def ablation_finding(rows: pd.DataFrame) -> str:
         count = part["seed"].nunique()
         lines.append(f"{task}, {count} seed{'s' * (count > 1)}, differences in progress:")
         for row in compare_arms(as_arms(part), [pair for pair in pairs if pair[0] != pair[1]]).itertuples():
-            span = f"{row.difference:+.3f} [{row.low:+.3f}, {row.high:+.3f}]"
+            ends = outer_ends(row.difference, row.low, row.high, row.t_half)
+            span = signed_interval(row.difference, *ends)
             seeds = f" ({row.seeds} of them)" if int(row.seeds) < count else ""
             lines.append(f"  {row.first} against {row.second}: {span}, {row.verdict}{seeds}")
         if count == 1:

@@ -20,6 +20,7 @@ __all__ = [
     "holm",
     "outer_ends",
     "paired_difference",
+    "signed_interval",
     "student_half",
     "student_p",
 ]
@@ -105,10 +106,22 @@ def outer_ends(value: float, low: float, high: float, t_half: float) -> tuple[fl
     Args:
         value: the mean.
         low, high: the bootstrap's.
-        t_half: half of Student's interval; nan, and not looked at, of one seed.
+        t_half: half of Student's interval; nan of one seed, or where a few seeds have one difference. The bootstrap's
+            is then that of episodes alone, and where these do not vary either there is none: both ends are nan.
     """
-    half = 0.0 if math.isnan(t_half) else t_half
-    return min(low, value - half), max(high, value + half)
+    if math.isnan(t_half):
+        return (low, high) if low < high else (math.nan, math.nan)
+    return min(low, value - t_half), max(high, value + t_half)
+
+
+def signed_interval(value: float, low: float, high: float) -> str:
+    """A difference with its 95% interval, to three digits: an end near zero, or near a margin, decides.
+
+    The value alone where there is no interval.
+    """
+    if math.isnan(low):
+        return f"{value:+.3f}"
+    return f"{value:+.3f} [{low:+.3f}, {high:+.3f}]"
 
 
 def _agree(values: Array) -> bool:

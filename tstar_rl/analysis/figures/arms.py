@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from tstar_rl.analysis.ablations import as_arms, command
 from tstar_rl.analysis.experiments import SEED, arm_scores, arm_table, compare_arms
 from tstar_rl.analysis.figures.panels import (
+    COLOURS,
     THRESHOLDS,
     arm_dots,
     arm_line,
@@ -34,7 +35,7 @@ KEY = (-0.14, -0.03)
 """Where the line of an arm's profile stands in its row, left of the middle panel and in parts of its width."""
 MOST_BANDS = 6
 """Of more arms than these the bands of their profiles hide each other."""
-ONE = {"color": "C0", "marker": "o"}
+ONE = {"color": COLOURS[0], "marker": "o"}
 """Dots of a difference."""
 
 

@@ -9,15 +9,13 @@ from matplotlib.figure import Figure
 
 from tstar_rl.analysis.differences import outer_ends
 from tstar_rl.analysis.figures.arms import draw_dots, draw_interval, name_rows
-from tstar_rl.analysis.figures.panels import message, panels, readable
+from tstar_rl.analysis.figures.panels import COLOURS, MARKERS, message, panels, readable
 
 __all__ = ["effects_figure", "exchanged_figure"]
 
 VERSIONS = ("before", "after")
-COLOURS = {"before": "0.6", "after": "C0"}
+SHADES = {"before": "0.6", "after": COLOURS[0]}
 WIDTH = 0.38
-MARKERS = "osD^v<>Pdh"
-"""Of seeds, in turn."""
 
 
 def _panel(axes: Axes, rows: pd.DataFrame, seeds: list[int]) -> None:
@@ -30,7 +28,7 @@ def _panel(axes: Axes, rows: pd.DataFrame, seeds: list[int]) -> None:
         places = {version: group + (side - 0.5) * WIDTH for side, version in enumerate(VERSIONS)}
         for handed_by, there in here.groupby("handed_by"):
             place, mean = places[str(handed_by)], there["success"].mean()
-            colour, label = COLOURS[str(handed_by)], f"first skill as {handed_by}"
+            colour, label = SHADES[str(handed_by)], f"first skill as {handed_by}"
             axes.bar(
                 place, mean, WIDTH * 0.92, color=colour, label=label, alpha=0.45 if len(seeds) > 1 else 1.0
             )
@@ -67,7 +65,7 @@ def effects_figure(effects: pd.DataFrame, by_seed: pd.DataFrame, words: Mapping[
             dots, found = (
                 each[(each["subtask"] == seam) & (each["effect"] == effect)] for each in (by_seed, effects)
             )
-            draw_dots(axes, dots["value"], place, {"color": "C0", "marker": "o"})
+            draw_dots(axes, dots["value"], place, {"color": COLOURS[0], "marker": "o"})
             mean = float(found["value"].iloc[0])
             low, high = outer_ends(mean, *(float(found[name].iloc[0]) for name in ("low", "high", "t_half")))
             draw_interval(axes, pd.Series({"": mean, "_low": low, "_high": high}), "", place)

@@ -5,11 +5,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from tstar_rl.analysis.figures.panels import message, panels, readable
+from tstar_rl.analysis.figures.panels import COLOURS, message, panels, readable
 
 __all__ = ["sides_figure"]
 
-COLOURS = {"below": "C3", "above": "C0"}
+SIDES = {"below": COLOURS[1], "above": COLOURS[0]}
 LARGEST = 160.0
 """Area of a dot that stands for all states, in square points."""
 
@@ -19,8 +19,8 @@ def _dots(axes: Axes, rows: pd.DataFrame) -> None:
     for place, row in enumerate(rows.to_dict("records")):
         ends = row["succeeded_below"], row["succeeded_above"]
         axes.plot([place, place], ends, color="0.8", linewidth=1, zorder=1)
-        for side, success, share in zip(COLOURS, ends, (row["below"], 1 - row["below"]), strict=True):
-            axes.scatter(place, success, s=LARGEST * share, color=COLOURS[side], linewidths=0, zorder=2)
+        for side, success, share in zip(SIDES, ends, (row["below"], 1 - row["below"]), strict=True):
+            axes.scatter(place, success, s=LARGEST * share, color=SIDES[side], linewidths=0, zorder=2)
     axes.set_xticks(range(len(rows)), [str(seed) for seed in rows["seed"]], rotation=90, fontsize=7)
     axes.set_xlim(-0.6, len(rows) - 0.4)
     axes.set_ylim(-0.06, 1.06)
@@ -51,7 +51,7 @@ def sides_figure(table: pd.DataFrame) -> Figure:
         line[0].set_ylabel("succeeds", fontsize=8)
     handles = [
         Line2D([], [], marker="o", linestyle="", color=colour, label=f"{side} the split")
-        for side, colour in COLOURS.items()
+        for side, colour in SIDES.items()
     ]
     figure.legend(handles=handles, loc="outside lower center", ncols=2, fontsize=8)
     return figure

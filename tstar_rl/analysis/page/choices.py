@@ -4,11 +4,12 @@ import math
 from pathlib import Path
 from textwrap import fill
 
+from tstar_rl.analysis.differences import signed_interval
 from tstar_rl.analysis.experiments import Experiment, compare_arms
 from tstar_rl.analysis.figures import differences_figure, save_figure
 from tstar_rl.analysis.page.contents import Entry
 from tstar_rl.analysis.page.experiment import ordered
-from tstar_rl.analysis.page.markdown import NOTHING, Paper, signed_interval, table
+from tstar_rl.analysis.page.markdown import NOTHING, Paper, table
 
 __all__ = ["choice_table", "draw_choices"]
 

@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
-from tstar_rl.analysis.differences import outer_ends
+from tstar_rl.analysis.differences import outer_ends, signed_interval
 from tstar_rl.analysis.exchanged import effects_of_seeds, exchange_effects
 from tstar_rl.analysis.figures import effects_figure, save_figure
 from tstar_rl.analysis.page.contents import Entry
-from tstar_rl.analysis.page.markdown import Paper, arm_label, picture, signed_interval, table
+from tstar_rl.analysis.page.markdown import Paper, arm_label, picture, table
 from tstar_rl.runs.csv_tables import read_table
 
 __all__ = ["draw_exchanged", "exchanged"]

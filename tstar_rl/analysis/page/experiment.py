@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from tstar_rl.analysis.differences import holm, outer_ends, student_half
+from tstar_rl.analysis.differences import holm, outer_ends, signed_interval, student_half
 from tstar_rl.analysis.experiments import Experiment, arm_table, check_arms, compare_arms
 from tstar_rl.analysis.figures import arms_figure, differences_figure, save_figure
 from tstar_rl.analysis.gaps_of_runs import hand_over_gaps
@@ -22,7 +22,6 @@ from tstar_rl.analysis.page.markdown import (
     interval_of,
     millions,
     picture,
-    signed_interval,
     table,
 )
 from tstar_rl.analysis.questions import answer

@@ -2,8 +2,9 @@
 
 import pandas as pd
 
+from tstar_rl.analysis.differences import signed_interval
 from tstar_rl.analysis.late_trials import late_trials
-from tstar_rl.analysis.page.markdown import Paper, arm_label, arm_order, signed_interval, table
+from tstar_rl.analysis.page.markdown import Paper, arm_label, arm_order, table
 
 __all__ = ["trials_over_time"]
 

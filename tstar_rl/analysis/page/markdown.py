@@ -24,7 +24,6 @@ __all__ = [
     "picture",
     "share",
     "signal_label",
-    "signed_interval",
     "table",
     "theirs",
 ]
@@ -96,16 +95,6 @@ def millions(steps: float) -> str:
 def from_to(low: int, high: int) -> str:
     """The fewest and the most, or the one number that they are."""
     return str(low) if low == high else f"{low} to {high}"
-
-
-def signed_interval(value: float, low: float, high: float) -> str:
-    """A difference with its 95% interval, to three digits: an end near zero, or near a margin, decides.
-
-    The value alone where there is no interval.
-    """
-    if math.isnan(low):
-        return f"{value:+.3f}"
-    return f"{value:+.3f} [{low:+.3f}, {high:+.3f}]"
 
 
 def mean_and_half(values: pd.Series, digits: int) -> str:

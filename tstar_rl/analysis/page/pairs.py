@@ -6,11 +6,11 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from tstar_rl.analysis.differences import outer_ends, paired_difference
+from tstar_rl.analysis.differences import outer_ends, paired_difference, signed_interval
 from tstar_rl.analysis.experiments import SEED, Experiment, check_arms
 from tstar_rl.analysis.hand_overs import compare_hand_overs, signal_by_seam
 from tstar_rl.analysis.page.contents import Entry
-from tstar_rl.analysis.page.markdown import NOTHING, Paper, arm_label, signed_interval, table
+from tstar_rl.analysis.page.markdown import NOTHING, Paper, arm_label, table
 from tstar_rl.analysis.tables import read_metrics
 from tstar_rl.checks import InvalidValueError
 

@@ -5,6 +5,7 @@ import math
 import pandas as pd
 
 from tstar_rl.analysis.aids import Aids, worth_of_aids
+from tstar_rl.analysis.differences import signed_interval
 from tstar_rl.analysis.learned import Learned, evaluated_skills, learned_skills
 from tstar_rl.analysis.page.markdown import (
     NOTHING,
@@ -12,7 +13,6 @@ from tstar_rl.analysis.page.markdown import (
     arm_label,
     interval,
     over_seeds,
-    signed_interval,
     table,
 )
 from tstar_rl.analysis.page.sections import pick
