@@ -7,8 +7,10 @@ python recipes/export.py path=runs/table_lack/tstar/seed0/last  # 50 episodes of
 
 import os
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 import torch
 from hydra.core.hydra_config import HydraConfig
@@ -133,8 +135,8 @@ def _recordings(config: DictConfig) -> Iterator[Recording]:
         return
     for subtask in demonstrated(config):
         found = load_demonstrations(config, subtask)
-        env = FurnitureEnv(**found.arguments, num_envs=_simulations(config, len(found)), snapshots=True)
-        played = replay_demonstrations(env, found, _source(config, subtask))
+        with _playing(config, found.arguments, len(found)) as env:
+            played = replay_demonstrations(env, found, _source(config, subtask))
         if lost := len(found) - len(played.successes.episodes):
             print(f"{lost} of {len(found)} demonstrations did not succeed again and are left out")
         yield played.successes
@@ -170,7 +172,7 @@ def _episodes(config: DictConfig) -> Recording:
     seed = derive_seed(config.seed, "export", list(MODES).index(config.mode), subtask)
     torch.manual_seed(seed)
     env = environment(config, subtask, config.episodes, seed, snapshots=True).base_env
-    with set_exploration_type(MODES[config.mode]):
+    with closing(env), set_exploration_type(MODES[config.mode]):
         return record(env, policy, f"{_name(config)}, {config.mode}", seed)
 
 
@@ -204,16 +206,19 @@ def _played_again(path: Path, config: DictConfig) -> str:
     """What came of playing a file's episodes from their first states."""
     recording = read_hdf5(path)
     number = len(recording.episodes)
-    env = FurnitureEnv(**recording.arguments, num_envs=_simulations(config, number), snapshots=True)
-    wrong = not_reproduced(env, recording)
+    with _playing(config, recording.arguments, number) as env:
+        wrong = not_reproduced(env, recording)
     if not wrong:
         return f": played again from its states, {number} of {number} the same to the bit"
     row, told = next(iter(wrong.items()))
     return f": played again from its states, {len(wrong)} of {number} differ; demo_{row}: {'; '.join(told)}"
 
 
-def _simulations(config: DictConfig, episodes: int) -> int:
-    return min(config.demonstrations.num_envs, episodes)
+def _playing(config: DictConfig, arguments: Mapping[str, Any], episodes: int) -> closing[FurnitureEnv]:
+    """Simulations that play episodes again, as many at a time as demonstrations are made in."""
+    where = {"nthread": config.nthread, "device": config.device, "physics": config.physics}
+    number = min(config.demonstrations.num_envs, episodes)
+    return closing(FurnitureEnv(**arguments, **where, num_envs=number, snapshots=True))
 
 
 if __name__ == "__main__":

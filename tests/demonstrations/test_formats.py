@@ -14,7 +14,7 @@ from tensordict import TensorDict
 
 from tstar_rl.demonstrations.formats import (
     Recording,
-    differences,
+    episode_differences,
     not_reproduced,
     read_demonstrations,
     read_hdf5,
@@ -64,7 +64,7 @@ def test_what_is_read_is_what_was_recorded(recording, path):
     assert back.arguments == recording.arguments and back.made_by == "the script"
     assert back.furniture == recording.furniture == furniture_digest("chair_ingolf")
     for one, other in zip(recording.episodes, back.episodes, strict=True):
-        assert differences(one, other) == []
+        assert episode_differences(one, other) == []
         assert torch.equal(one.labels, other.labels) and one.seed == other.seed
 
 
@@ -104,7 +104,7 @@ def test_the_library_s_own_demonstrations_become_episodes(path):
     demonstrations = read_demonstrations(path, "chair_ingolf", 1)
     found = replay_demonstrations(make(), replace(demonstrations, kind="noisy"))
     for one, other in zip(read_hdf5(path).episodes, found.episodes, strict=True):
-        assert differences(one, other) == [] and torch.equal(one.labels, other.labels)
+        assert episode_differences(one, other) == [] and torch.equal(one.labels, other.labels)
     assert found.made_by == "scripted assembler, noisy demonstrations"
 
 

@@ -11,7 +11,7 @@ from recorded import WIDTH, changed, env_args, leave_two_of_anybody, put, script
 from tstar_rl.demonstrations.file_check import DemonstrationError
 from tstar_rl.demonstrations.formats import (
     Recording,
-    differences,
+    episode_differences,
     read_demonstrations,
     read_hdf5,
     replay_demonstrations,
@@ -233,5 +233,5 @@ def test_a_damaged_or_short_file_is_refused_by_its_name(recorded, tmp_path):
         else:
             assert len(content) == len(whole) and found.arguments == good.arguments
             for one, other in zip(good.episodes, found.episodes, strict=True):
-                assert differences(one, other) == [] and one.seed == other.seed
+                assert episode_differences(one, other) == [] and one.seed == other.seed
     assert refused > len(places) / 3

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
+from omegaconf import OmegaConf
 from recipe_runs import load_recipe, run
 from recorded import as_demonstrations, make, scripted
 
@@ -140,7 +141,9 @@ def test_an_episode_that_differs_is_told(call, tmp_path, monkeypatch, capsys):
     with h5py.File(path, "r+") as file:
         file["data/demo_1/rewards"][2] += 1.0
     assert list(not_reproduced(make(max_steps=4), read_hdf5(path))) == [1]
-    config = type("Config", (), {"demonstrations": type("Section", (), {"num_envs": 4})})
+    config = OmegaConf.create(
+        {"demonstrations": {"num_envs": 4}, "nthread": 1, "device": "cpu", "physics": None}
+    )
     told = module._played_again(path, config)
     assert re.search(r"1 of 2 differ; demo_1: rewards differs from step 2 on, by 1 at most", told)
 

@@ -15,7 +15,7 @@ from torch import Tensor
 
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.demonstrations.data_set import Demonstrations
-from tstar_rl.demonstrations.formats.recording import Episode, Recording, differences
+from tstar_rl.demonstrations.formats.recording import Episode, Recording, episode_differences
 from tstar_rl.demonstrations.header import KINDS
 from tstar_rl.env.task_tables import furniture_digest
 from tstar_rl.rollouts.collection import with_starts
@@ -102,7 +102,7 @@ def not_reproduced(env: Any, recording: Recording) -> dict[int, list[str]]:
     episodes = recording.episodes
     starts: TensorDictBase = torch.stack([one.states[0] for one in episodes])  # pyright: ignore[reportAssignmentType]
     again = replay(env, starts, [one.actions for one in episodes])
-    found = {row: differences(*pair) for row, pair in enumerate(zip(episodes, again, strict=True))}
+    found = {row: episode_differences(*pair) for row, pair in enumerate(zip(episodes, again, strict=True))}
     return {row: told for row, told in found.items() if told}
 
 

@@ -6,7 +6,7 @@ from typing import Any
 from tensordict import TensorDictBase
 from torch import Tensor
 
-__all__ = ["Episode", "Recording", "differences"]
+__all__ = ["Episode", "Recording", "episode_differences"]
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class Recording:
         return replace(self, episodes=[episode for episode in self.episodes if episode.succeeded])
 
 
-def differences(first: Episode, second: Episode) -> list[str]:
+def episode_differences(first: Episode, second: Episode) -> list[str]:
     """In words, what the simulator did otherwise in the second episode; empty if both are the same to the bit."""
     found = []
     for name in ("observations", "actions", "rewards", "terminated", "truncated", "success"):
