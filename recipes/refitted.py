@@ -27,16 +27,15 @@ def main(config: DictConfig) -> None:
             "normalisers see the ends of episodes: chain.path_steps must be at least 1, got 0"
         )
     skills, chain = rl.load_skills(config, checkpoint=config.from_checkpoint), config.chain
-    env = rl.trial_env(config, chain.trial_episodes, "harvest")
-    run = rl.chain_run(config, len(skills))
-    run.start()
-    trial = rl.run_trial(skills, env, chain.path_steps)
+    trial = rl.run_trial(skills, rl.trial_env(config, chain.trial_episodes, "harvest"), chain.path_steps)
     found = zip(skills, trial.skills, strict=True)
     widened = [skill.normalizer.widen(skills_trial.path.states) for skill, skills_trial in found]
     if not any(widened):
         raise rl.InvalidValueError(
             "no input varies more in the chain than it did in training: the chain would be the skills as they are"
         )
+    run = rl.chain_run(config, len(skills))
+    run.start()
     for index, inputs in enumerate(widened):
         run.log(trial.steps(), skill=index, widened_inputs=inputs)
     rl.save_chain(skills, run.work / "last", **run.origin, env_steps=trial.steps())

@@ -176,10 +176,15 @@ def test_a_chain_is_refitted_to_its_own_states(point_chain, tmp_path):
             assert torch.equal(value, dict(skill.policy.named_parameters())[name])
 
 
-def test_a_chain_that_refitting_does_not_change_is_refused(point_chain, monkeypatch):
+def test_a_chain_that_refitting_does_not_change_is_refused_and_the_one_before_stays(
+    point_chain, tmp_path, monkeypatch
+):
+    point_chain("refitted", "scale=laptop", "chain.trial_episodes=16")
     monkeypatch.setattr(Normalizer, "widen", lambda normalizer, obs: 0)
     with pytest.raises(InvalidValueError, match="no input varies more in the chain than it did in training"):
-        point_chain("refitted", "scale=laptop", "chain.trial_episodes=16")
+        point_chain("refitted", "scale=laptop", "chain.trial_episodes=16", "resume=false")
+    run = tmp_path / "runs/table_lack/refitted/seed0"
+    assert (run / "finished.json").is_file() and len(load_chain(run / "last")) == NUM_SKILLS
 
 
 def test_a_floor_raised_after_the_fact_changes_the_inputs_alone(point_chain, tmp_path):
