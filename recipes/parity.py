@@ -15,7 +15,7 @@ from tstar_rl.config.load import recipe
 from tstar_rl.launch.overrides import chosen_scale
 from tstar_rl.rollouts.episodes import run_episodes
 from tstar_rl.runs.csv_tables import append_rows
-from tstar_rl.seeds import derive_seed
+from tstar_rl.seeds import evaluation_seed
 
 HORIZONS = (1, 10, 20, 40, 60)
 """Control steps after which states are compared: reach, grasp, carry, connect."""
@@ -41,7 +41,7 @@ def main(config: DictConfig) -> None:
 
 def _pair(config: DictConfig, subtask: int | None, number: int) -> tuple[Any, Any]:
     """The same simulations with MuJoCo on the processor and with Warp on `device`."""
-    seed = derive_seed(config.seed, "evaluate", number, subtask)
+    seed = evaluation_seed(config.seed, "parity", number, subtask)
     on_processor = OmegaConf.merge(config, {"physics": "mujoco", "device": "cpu"})
     on_device = OmegaConf.merge(config, {"physics": "warp"})
     assert isinstance(on_processor, DictConfig) and isinstance(on_device, DictConfig)

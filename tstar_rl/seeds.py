@@ -28,6 +28,7 @@ EVALUATIONS = (
     "ways_home",
     "moved_parts",
     "latents",
+    "parity",
 )
 """What is evaluated, each with seeds of its own: the modes of `rollouts.episodes`, then what single recipes measure."""
 

@@ -15,7 +15,7 @@ from tstar_rl.analysis.tables import commit_of, short_commit
 from tstar_rl.rollouts.episodes import MODES
 from tstar_rl.runs import versions
 from tstar_rl.runs.chain_rows import terminal_state_rows
-from tstar_rl.runs.csv_tables import append_rows, rows_stay
+from tstar_rl.runs.csv_tables import MetricsLog, append_rows, rows_stay
 from tstar_rl.runs.run_config import note_evaluation
 from tstar_rl.runs.run_folder import Place, made_by, read_run_path, run_path
 from tstar_rl.seeds import EVALUATIONS, PURPOSES, derive_seed, evaluation_seed
@@ -28,6 +28,22 @@ def test_a_run_that_begins_again_is_not_finished(tmp_path):
     assert done.is_file()
     run.start()
     assert not done.is_file()
+
+
+def test_rows_that_are_added_together_read_as_those_that_are_added_one_by_one(tmp_path):
+    """Also where one lacks a whole number that another has, which pandas would make a float of."""
+    rows = [{"steps": 3, "loss": 0.1}, {"steps": 2**60, "kept": True}, {"loss": float("nan"), "kept": False}]
+    one_by_one, together = MetricsLog(tmp_path / "a.csv"), MetricsLog(tmp_path / "b.csv")
+    for log in (one_by_one, together):
+        log.append({"steps": 1})
+    for row in rows:
+        one_by_one.append(row)
+    together.extend(row for row in rows)
+    together.extend([])
+    text = together.path.read_text()
+    assert text == one_by_one.path.read_text()
+    assert text.splitlines() == ["steps,loss,kept", "1,,", "3,0.1,", f"{2**60},,True", ",,False"]
+    assert together.rows == one_by_one.rows == 4
 
 
 def test_a_path_is_read_as_it_was_made():
@@ -212,7 +228,7 @@ def test_seeds_are_those_of_what_is_published():
     assert {what: evaluation_seed(0, what, None) for what in EVALUATIONS} == {
         "deterministic": 1805699211, "stochastic": 359558238, "hand_over": 529155087, "own_starts": 383253902,
         "chain": 675086157, "influence": 729609053, "exchange": 605756676, "ways_home": 313924044,
-        "moved_parts": 41251332, "latents": 49722910,
+        "moved_parts": 41251332, "latents": 49722910, "parity": 1609591080,
     }  # fmt: skip
 
 

@@ -53,22 +53,25 @@ class MetricsLog:
 
     def append(self, row: Mapping[str, Any]) -> None:
         """Adds one row, all of it or nothing. A name that is new becomes a column, empty in the rows before."""
-        new = [name for name in row if name not in self.columns]
+        self.extend([row])
+
+    def extend(self, rows: Iterable[Mapping[str, Any]]) -> None:
+        """Adds rows, one after the other, as `append` would; the file is written once."""
+        rows = list(rows)
+        if not rows:
+            return
+        named = dict.fromkeys(name for row in rows for name in row)
+        new = [name for name in named if name not in self.columns]
         if new and self.rows:
             table = pd.read_csv(self.path, dtype=str, keep_default_na=False)
             _replace(self.path, table.assign(**dict.fromkeys(new, "")).to_csv(index=False))
         columns = self.columns + new
-        text = pd.DataFrame([row], columns=columns).to_csv(index=False, header=not self.rows)
+        text = pd.DataFrame(rows, columns=columns, dtype=object).to_csv(index=False, header=not self.rows)
         if self.rows:
             append_text(self.path, text)
         else:
             _replace(self.path, text)
-        self.columns, self.rows = columns, self.rows + 1
-
-    def extend(self, rows: Iterable[Mapping[str, Any]]) -> None:
-        """Adds rows, one after the other."""
-        for row in rows:
-            self.append(row)
+        self.columns, self.rows = columns, self.rows + len(rows)
 
     def check(self, rows: int) -> None:
         """Raises a LogError if the file has not as many whole rows."""
