@@ -46,7 +46,7 @@ from tstar_rl.config.build import environment
 from tstar_rl.config.load import recipe
 from tstar_rl.launch.overrides import chosen_scale, passed_on
 from tstar_rl.launch.side_by_side import run_recipe
-from tstar_rl.runs.csv_tables import append_rows
+from tstar_rl.runs.csv_tables import append_rows, read_table
 from tstar_rl.seeds import derive_seed
 
 BARE = {
@@ -216,7 +216,7 @@ def assemble_row(config: DictConfig, scale: str, given: Sequence[str]) -> Iterat
             places = [f"{name}_dir={folder}/{name}" for name in ("runs", "demonstrations")]
             run_recipe(("assemble", *given, *places, f"results_dir={results}", "progress_bar=false"))
         file = Path(results) / "assemble.csv"
-        known = pd.read_csv(file) if file.is_file() else pd.DataFrame()
+        known = read_table(file) if file.is_file() else pd.DataFrame()
     known = known.reindex(columns=["task", "scale", "seeds", "minutes"])  # older files have no scale
     of_one = (known["task"] == config.task.name) & (known["scale"] == scale) & (known["seeds"] == 1)
     known = known[of_one]

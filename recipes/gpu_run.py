@@ -12,7 +12,6 @@ to every step: `scales=[quick] device=cpu` is a look without a GPU.
 import time
 from pathlib import Path
 
-import pandas as pd
 from hydra import compose
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
@@ -24,7 +23,7 @@ from tstar_rl.launch.overrides import passed_on
 from tstar_rl.launch.side_by_side import Step
 from tstar_rl.launch.steps import is_done, left_behind, step_config
 from tstar_rl.launch.time_limit import MORE, TimeIsOver, check_goes_on, deadline, run_until
-from tstar_rl.runs.csv_tables import append_rows
+from tstar_rl.runs.csv_tables import append_rows, read_table
 from tstar_rl.runs.run_folder import run_path
 
 OWN = ("minutes", "scales", "scale", "video")  # values that only this recipe knows
@@ -57,7 +56,7 @@ def main(config: DictConfig) -> None:
                 )
             if not taken:
                 raise SystemExit(MORE)
-        table = pd.read_csv(
+        table = read_table(
             run_path(place.results_dir, place.task.name, "tstar", place.seed) / "evaluation.csv"
         )
         print(f"scale={scale}", table.round(3).to_string(index=False), sep="\n")
@@ -92,7 +91,7 @@ def _note(place: DictConfig, step: str, minutes: float) -> None:
     """Adds to the minutes that a step of one task and seed has taken, over all slices."""
     file, key = Path(place.results_dir) / "gpu_run.csv", ("task", "seed", "step")
     row = (place.task.name, place.seed, step)
-    before = pd.read_csv(file).set_index(list(key))["minutes"].get(row, 0.0) if file.is_file() else 0.0
+    before = read_table(file).set_index(list(key))["minutes"].get(row, 0.0) if file.is_file() else 0.0
     append_rows(file, [{**dict(zip(key, row, strict=True)), "minutes": round(before + minutes, 2)}], key)
 
 

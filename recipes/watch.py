@@ -44,6 +44,7 @@ def main(config: DictConfig) -> None:
     for shown in sides:
         env = environment(config, config.subtask, config.simulations, seed, snapshots=True, **shown.settings)
         logs.append(log_episodes(env, shown.policy(env.base_env), signals=shown.signals, enough=shown.links))
+        env.close()
     rows = rows_to_show(logs, [shown.success for shown in sides])
     episodes = [log.episode(row, shown.title) for log, row, shown in zip(logs, rows, sides, strict=True)]
     for episode in episodes:

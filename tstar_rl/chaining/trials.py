@@ -185,11 +185,13 @@ def run_trial(
     found = [] if known is None else known.skills[:first]
     handed = _HandedOver()
     env.append_transform(SkillChainReset(handed, probability=1.0, goes_on=True))
-    with set_exploration_type(ExplorationType.DETERMINISTIC):
-        for index in range(len(found), len(skills)):
-            before = found[-1] if found else None
-            found.append(_run_skill(index, skills[index].policy, env, handed, before, path_steps))
-    env.close()
+    try:
+        with set_exploration_type(ExplorationType.DETERMINISTIC):
+            for index in range(len(found), len(skills)):
+                before = found[-1] if found else None
+                found.append(_run_skill(index, skills[index].policy, env, handed, before, path_steps))
+    finally:
+        env.close()
     return Trial(found)
 
 

@@ -84,7 +84,7 @@ def chain_turns(config: DictConfig, experts: Sequence[Demonstrations] | None = N
     return turns.chain_turns(chain)
 
 
-def chain_run(config: DictConfig, links: int, total: int | None = None, trials: bool = False) -> Run:
+def chain_run(config: DictConfig, links: int, total: int = 0, trials: bool = False) -> Run:
     """The run of a recipe that makes a chain of trained skills: its config.yaml notes what the skills took.
 
     Args:

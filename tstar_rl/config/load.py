@@ -125,12 +125,14 @@ def imports_not_collected() -> Iterator[None]:
 
     Python would look through them again and again, for a fifth of the time that they take to import.
     """
+    collects = gc.isenabled()
     gc.disable()
     try:
         yield
     finally:
         gc.freeze()
-        gc.enable()
+        if collects:
+            gc.enable()
 
 
 def check_config(config: DictConfig, name: str) -> None:

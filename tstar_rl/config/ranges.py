@@ -159,18 +159,11 @@ def check_machine(values: Mapping[str, Any]) -> None:
         need_extra("ray", "ray", "launch=ray or collection.backend=ray")
 
 
-def _has(values: Mapping[str, Any], name: str) -> bool:
-    section, _, rest = name.partition(".")
-    if section not in values or not rest:
-        return section in values
-    return isinstance(values[section], Mapping) and _has(values[section], rest)
-
-
 def find(values: Mapping[str, Any], name: str) -> Any:
     """Returns the value at a dotted name; None where there is none."""
-    if not _has(values, name):
-        return None
     found: Any = values
     for part in name.split("."):
+        if not isinstance(found, Mapping) or part not in found:
+            return None
         found = found[part]
     return found

@@ -140,8 +140,8 @@ def _resets(env: TransformedEnv) -> list[SkillChainReset]:
 
 
 def termination_sets(env: TransformedEnv) -> list[TerminationSet]:
-    """The termination sets that an environment's starts are read from."""
-    sets = [getattr(each, "termination_set", each) for each in sources(env)]
+    """The termination sets that an environment's starts are read from, each once."""
+    sets = dict.fromkeys(getattr(each, "termination_set", each) for each in sources(env))
     return [each for each in sets if isinstance(each, TerminationSet)]
 
 

@@ -162,7 +162,7 @@ class TerminationSet(StateSet):
     _weights, _weighed_at = torch.empty(0), -1
 
     def weigh(self, weights: Tensor | None) -> None:
-        """Draws states by these weights from now on, until the set changes. They are no part of the set's state.
+        """Draws states by these weights until the set changes, is loaded or moved. They are no part of its state.
 
         Args:
             weights: (len(self),), in the order of `all()`; not negative, with a positive sum. None: alike again.

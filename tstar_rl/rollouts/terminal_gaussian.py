@@ -48,7 +48,8 @@ class TerminalGaussian:
 
     def fit(self) -> None:
         """Sets mean (nq,) and factor (nq, nq), with factor @ factor.T the covariance of the set's positions."""
-        qpos = self.env.one_sided(self.env.qpos_of(self.termination_set.all()["snapshot"]).double())
+        snapshots = self.termination_set.buffer[:]["snapshot"]  # only read, so no copy as all() makes
+        qpos = self.env.one_sided(self.env.qpos_of(snapshots).double())
         self.mean = qpos.mean(0)
         deviation = qpos - self.mean
         covariance = deviation.T @ deviation / max(len(qpos) - 1, 1)

@@ -144,7 +144,9 @@ class _Classifier(nn.Module):
         sizes = (self.columns, HIDDEN, HIDDEN, 1)
         layers: list[nn.Module] = []
         for fan_in, fan_out in itertools.pairwise(sizes):
-            layer = nn.Linear(fan_in, fan_out)
+            layer = nn.utils.skip_init(
+                nn.Linear, fan_in, fan_out
+            )  # else it would draw from torch's generator
             for values in (layer.weight, layer.bias):
                 nn.init.uniform_(values, -(fan_in**-0.5), fan_in**-0.5, generator=generator)
             layers += [layer, nn.Tanh()]

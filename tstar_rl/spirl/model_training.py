@@ -6,7 +6,6 @@ from typing import ClassVar
 
 import torch
 from tensordict import TensorDict, TensorDictBase
-from tensordict.utils import NestedKey
 from torch import Tensor
 from torchrl.objectives import LossModule
 
@@ -64,15 +63,7 @@ class LatentModelLoss(LossModule):
     Source: SPiRL, eq. 1 and section 3.2.
     """
 
-    @dataclass
-    class _AcceptedKeys:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Keys of the input: (batch, H, 9) and (batch, H, O)."""
-
-        action: NestedKey = "action"
-        observation: NestedKey = "observation"
-
-    default_keys = _AcceptedKeys
-    tensor_keys: _AcceptedKeys  # pyright: ignore[reportIncompatibleMethodOverride]
+    in_keys: ClassVar[list[str]] = ["action", "observation"]  # pyright: ignore[reportIncompatibleMethodOverride]
     out_keys: ClassVar[list[str]] = [  # pyright: ignore[reportIncompatibleMethodOverride]
         "loss_reconstruction",
         "loss_regularisation",
@@ -90,9 +81,8 @@ class LatentModelLoss(LossModule):
         pass
 
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
-        """tensordict: windows, batch [B] -> three losses, scalars."""
-        actions = tensordict.get(self.tensor_keys.action)
-        observations = tensordict.get(self.tensor_keys.observation)
+        """tensordict: windows, batch [B], of actions (B, H, 9) and observations (B, H, O) -> three losses, scalars."""
+        actions, observations = (tensordict[key] for key in self.in_keys)
         loc, scale = self.model.posterior(actions)
         prior = self.model.prior(observations[:, 0])
         latent = loc + scale * torch.randn_like(scale)

@@ -11,6 +11,7 @@ from torch import Tensor
 from tstar_envs import geometry
 from tstar_envs.connection import WrongPairs
 from tstar_envs.furniture.schema import Furniture
+from tstar_envs.physics.masks import write
 from tstar_envs.physics.view import PhysicsView
 from tstar_envs.robots import sawyer
 from tstar_envs.settings import TaskSettings
@@ -136,7 +137,7 @@ class Assembly(BatchedTask):
         target = self.part_poses[:, self.tables.target[subtask]]
         ideal = self.tables.ideal_relative_pose(subtask)
         pose = torch.cat(geometry.compose_pose(target[:, :3], target[:, 3:], ideal[:3], ideal[3:]), dim=-1)
-        self.part_poses[mask] = self.tables.move_group(subtask, self.part_poses, pose)[mask]
+        write(self.part_poses, self.tables.move_group(subtask, self.part_poses, pose), mask)
 
     def _wrong_connection(self, state: EpisodeState, scene: Scene, asks: Tensor) -> Tensor:
         held = scene.touches.all(0)
