@@ -36,7 +36,8 @@ class TerminalStateReward(RewardTransform):
     """("next", "reward_tsr"): how well the next skill could start where this one succeeded; 0 on other steps.
 
     Args:
-        d_omega: of the *next* skill, (..., O) -> (..., 1), raw. Only read.
+        d_omega: of the *next* skill, (..., O) -> (..., 1), raw. Only read. One that has not learned yet is paid as any
+            other; recipes hold it back with `turn.once_learned`.
         score: "terminal" scores the state reached, s_T, which the next skill starts from (the paper);
             "before" the state in which the last action was taken.
         baseline: "none" (the paper), or "running_mean" to subtract an exponential mean of the scores of

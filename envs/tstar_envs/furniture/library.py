@@ -113,7 +113,10 @@ def _load(name: str) -> tuple[Furniture, str]:
     if (
         name not in names((DATA,)) and name not in names()
     ):  # the package's own are there whatever FURTHER names
-        raise FurnitureError(f"no furniture is called {name!r}: {did_you_mean(name, names())}")
+        told = f"no furniture is called {name!r}: {did_you_mean(name, names())}"
+        raise FurnitureError(
+            f"{told}; {FURTHER}, which names folders with others, is {os.environ.get(FURTHER) or 'not set'}"
+        )
     first, *others = files(name)
     if others:
         raise FurnitureError(
