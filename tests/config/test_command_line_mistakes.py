@@ -37,6 +37,8 @@ MISTAKES = [
     ("gail_ppo", ["seed=one"], "seed must be a whole number, got 'one'"),
     ("gail_ppo", ["system="], "system must be a name, or names joined by /, got ''"),
     ("gail_ppo", ["system=../mine"], "system must be a name, or names joined by /, got '../mine'"),
+    ("gail_ppo", ["system=bc/seed0/subtask0/last"], "must not have the part seed0, a folder inside of runs"),
+    ("tstar", ["skills=mine/best"], "skills must not have the part best, a folder inside of runs; got 'mine/best'"),
     ("tstar", ["skills=gail_ppo/"], "skills must be a name, or names joined by /, got 'gail_ppo/'"),
     ("bc", ["subtask=0", "demonstrations.filter_key=train"], "filter_key is of a file of your own, .*; got train"),
     ("evaluate", ["checkpoints=[first]"], "each checkpoint must be one of last, best, prior; got 'first'"),
