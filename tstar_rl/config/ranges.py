@@ -18,11 +18,9 @@ from tstar_rl.config.limits import (
     NOT_EMPTY,
 )
 from tstar_rl.demonstrations.header import unknown_setting
+from tstar_rl.runs.run_folder import is_inside_a_run
 
 __all__ = ["chain_length", "check_machine", "check_ranges_of", "find", "turn_shape"]
-
-INSIDE_A_RUN = re.compile(r"(seed|subtask|skill)\d+|last|best|prior|checkpoints")
-"""Folders that a run makes: one of such a name would lie in another run, or be taken for it."""
 
 
 def check_ranges_of(values: Mapping[str, Any]) -> None:
@@ -62,7 +60,7 @@ def _check_words(values: Mapping[str, Any]) -> None:
         value = values.get(name)
         if value is not None and any(part in ("", ".", "..") for part in value.split("/")):
             raise ConfigError(f"{name} must be a name, or names joined by /, got {value!r}")
-        if value is not None and (taken := next(filter(INSIDE_A_RUN.fullmatch, value.split("/")), None)):
+        if value is not None and (taken := next(filter(is_inside_a_run, value.split("/")), None)):
             raise ConfigError(
                 f"{name} must not have the part {taken}, a folder inside of runs; got {value!r}"
             )

@@ -22,7 +22,7 @@ from tstar_rl.runs.measured import chains_of, forget_measurements
 from tstar_rl.runs.mismatch import MACHINE_ONLY, CheckpointMismatchError, as_begun, known_then
 from tstar_rl.runs.previous_run import PreviousRun
 from tstar_rl.runs.run_config import note_resumed, note_section, read_config, restore_config, write_config
-from tstar_rl.runs.run_folder import FINISHED, SAVED, UNFINISHED, run_path
+from tstar_rl.runs.run_folder import CHECKPOINTS, FINISHED, SAVED, UNFINISHED, run_path
 
 __all__ = ["Run"]
 
@@ -113,7 +113,7 @@ class Run:
             put_back(self.work / name)
         found, previous = None, PreviousRun(self.results, self.work, self.record)
         if self.config["resume"]:
-            found = checkpoint.latest(self.work / "checkpoints")
+            found = checkpoint.latest(self.work / CHECKPOINTS)
             previous.check_tables()
             if found is None:
                 previous.check_that_nothing_is_lost()
@@ -130,7 +130,7 @@ class Run:
         self._forget_measurements()
         (self.work / UNFINISHED).touch()
         (self.work / FINISHED).unlink(missing_ok=True)  # before the rest: what is half deleted is not done
-        for name in ("checkpoints", *SAVED):
+        for name in (CHECKPOINTS, *SAVED):
             remove_folder(self.work / name)
         for name in LOGS:
             getattr(self, name).truncate(0)
@@ -191,7 +191,7 @@ class Run:
             if hasattr(component, "settle"):
                 component.settle()
         self._flush_tables()
-        checkpoint.save_step(self.work / "checkpoints", self.env_steps, self.components, self.record)
+        checkpoint.save_step(self.work / CHECKPOINTS, self.env_steps, self.components, self.record)
 
     def state_dict(self) -> dict[str, Any]:
         """Where the log stands."""

@@ -10,6 +10,7 @@ from typing import NamedTuple
 from tstar_rl.checks import InvalidValueError, did_you_mean
 
 __all__ = [
+    "CHECKPOINTS",
     "FINISHED",
     "RECIPES",
     "SAVED",
@@ -20,6 +21,7 @@ __all__ = [
     "UNTRAINED",
     "Place",
     "check_says_if_trained",
+    "is_inside_a_run",
     "is_untrained",
     "made_by",
     "read_run_path",
@@ -55,6 +57,10 @@ SAVED = ("last", "best", "prior")
 """Names under which a run keeps what it has trained; "prior" is SPiRL's."""
 
 
+CHECKPOINTS = "checkpoints"
+"""The folder in which a run keeps what it goes on from."""
+
+
 class Place(NamedTuple):
     """What `run_path` takes after its root; the subtask is None for a chain and for the whole task."""
 
@@ -68,6 +74,11 @@ def run_path(root: str | Path, task: str, recipe: str, seed: int, subtask: int |
     """<root>/<task>/<system>/seed<k>[/subtask<i>]."""
     path = Path(root) / task / recipe / f"seed{seed}"
     return path if subtask is None else path / f"subtask{subtask}"
+
+
+def is_inside_a_run(name: str) -> bool:
+    """Whether a run has folders of that name: a system called so would lie in another run, or be taken for it."""
+    return name in (*SAVED, CHECKPOINTS) or re.fullmatch(r"(seed|subtask|skill)\d+", name) is not None
 
 
 def read_run_path(path: Path, root: Path | None = None) -> tuple[Place, Path]:

@@ -146,7 +146,7 @@ class _Classifier(nn.Module):
         for fan_in, fan_out in itertools.pairwise(sizes):
             layer = nn.utils.skip_init(
                 nn.Linear, fan_in, fan_out
-            )  # else it would draw from torch's generator
+            )  # which draws nothing from torch's generator
             for values in (layer.weight, layer.bias):
                 nn.init.uniform_(values, -(fan_in**-0.5), fan_in**-0.5, generator=generator)
             layers += [layer, nn.Tanh()]
