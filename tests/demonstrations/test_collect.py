@@ -1,13 +1,16 @@
 """Which steps of the scripted expert become demonstrations, and what each of their rows is."""
 
+from dataclasses import replace
+
 import pytest
 import torch
 
+from tstar_envs.furniture import library
 from tstar_rl import FurnitureEnv
 from tstar_rl.demonstrations.collect import collect
 from tstar_rl.demonstrations.data_set import Demonstrations
 from tstar_rl.demonstrations.header import DemonstrationError
-from tstar_rl.env.task_tables import furniture_digest
+from tstar_rl.env.task_tables import furniture_digest, piece_digest
 from tstar_rl.rollouts.collection import with_starts
 from tstar_rl.rollouts.episodes import run_episodes
 
@@ -62,6 +65,12 @@ def test_labels_are_clean_and_what_was_executed_has_noise_on_the_arm_alone(made)
     plain = collect(lambda seed: with_starts(make(seed, 1)), 1, "plain", NOISE, SEED)
     assert torch.equal(plain.actions, plain.executed) and plain.noise == 0.0
     assert made.furniture == furniture_digest(made.task)
+
+
+def test_only_a_piece_of_the_library_has_a_digest():
+    piece = library.load("toy_table")
+    assert piece_digest(piece) == furniture_digest("toy_table")
+    assert piece_digest(replace(piece, name="mine")) is piece_digest(replace(piece)) is None
 
 
 def test_the_last_step_of_each_is_the_one_that_succeeds(made):

@@ -6,6 +6,7 @@ from hydra import compose, initialize_config_dir
 
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.values import CONFIGS, plain
+from tstar_rl.env.task_tables import furniture_digest
 from tstar_rl.launch.evaluations import check_chain, check_evaluation
 from tstar_rl.launch.run_folders import begun_with, evaluated_runs, run_folder
 from tstar_rl.launch.steps import is_done, missing, step_config
@@ -71,6 +72,28 @@ def test_an_evaluation_of_another_world_or_of_other_skills_is_not_taken_for_the_
             is_done((*step, other), shared)
     with pytest.raises(InvalidValueError, match="system=gail_ppo subtask=2 is the skill"):
         evaluated_runs(step_config((*step, "subtask=2"), shared))
+
+
+def test_what_was_made_of_another_file_of_furniture_is_not_done(shared):
+    """A training and its evaluation; a step with the code of another commit has that commit's furniture."""
+    folder = run_folder(step_config(TRAIN, shared), "results_dir")
+
+    def noting(digest: str) -> None:
+        write_config(folder, read_config(folder) | {"furniture": digest})
+
+    finish(TRAIN, shared, at=1)
+    finish(EVALUATE, shared, at=1)
+    assert missing([TRAIN, EVALUATE], shared) == []  # an older version noted no furniture
+    noting(furniture_digest("table_lack"))
+    assert missing([TRAIN, EVALUATE], shared) == []
+    noting("0" * 64)
+    with pytest.raises(
+        CheckpointMismatchError, match=f"{folder}: the task's file of furniture said something"
+    ):
+        is_done(TRAIN, shared)
+    with pytest.raises(CheckpointMismatchError, match=f"{folder} has the results of another table_lack.yaml"):
+        is_done(EVALUATE, shared)
+    assert is_done(TRAIN, shared, other_code=True) and is_done(EVALUATE, shared, other_code=True)
 
 
 def test_a_chain_is_asked_in_the_world_that_it_was_trained_in(tmp_path):

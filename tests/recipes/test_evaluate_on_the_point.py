@@ -8,7 +8,8 @@ from tstar_rl.chaining.chain import save_chain
 from tstar_rl.chaining.recovery import RecoverySettings
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.env import furniture_env
-from tstar_rl.runs.run_config import write_config
+from tstar_rl.env.task_tables import furniture_digest
+from tstar_rl.runs.run_config import read_config, write_config
 from tstar_rl.seeds import evaluation_seed
 
 SEED = 5
@@ -99,6 +100,15 @@ def test_a_chain_is_not_evaluated_as_one_of_another_world(skills, say, tmp_path)
     assert "0.9" in table.read_text() and [path.name for path in table.parent.iterdir()] == [table.name]
 
 
+def test_skills_of_another_file_of_furniture_are_refused(skills, say, tmp_path):
+    save_chain(skills, tmp_path / f"runs/table_lack/tstar/seed{SEED}/last", env=WORLD, furniture="0" * 64)
+    values = [f"{place}_dir={tmp_path / place}" for place in ("results", "runs")]
+    told = say("evaluate", "system=tstar", *SETTINGS, *values)
+    assert (
+        "skill0 was trained when table_lack.yaml said something else: train it again (resume=false)" in told
+    )
+
+
 def test_skills_are_chained_as_they_are_in_their_own_world_unless_it_may_differ(skills, call, say, tmp_path):
     """Each says which that is, or, saved by an older version, the config of its results does."""
     for index, skill in enumerate(skills):
@@ -112,4 +122,6 @@ def test_skills_are_chained_as_they_are_in_their_own_world_unless_it_may_differ(
     told = say("evaluate", *values, "demonstrations.may_differ=[arm_noise]")
     assert "subtask3/last was trained in another world: env.reset_robot was False" in told
     call("evaluate", *values, "demonstrations.may_differ=[arm_noise,reset_robot]")
+    noted = read_config(tmp_path / f"results/table_lack/no_finetuning/seed{SEED}")
+    assert noted["furniture"] == furniture_digest("table_lack")
     assert (tmp_path / f"results/table_lack/no_finetuning/seed{SEED}/evaluation.csv").is_file()

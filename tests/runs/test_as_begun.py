@@ -48,5 +48,5 @@ def test_only_spirl_noted_a_running_normaliser_that_it_did_not_have(recipe):
     assert known_then({"recipe": recipe}, now) == now
 
 
-def test_a_run_that_noted_no_recipe_is_held_against_none():
-    assert known_then({}, {"recipe": "bc", "seed": 0}) == {"seed": 0}
+def test_a_run_that_noted_no_recipe_and_no_furniture_is_held_against_none():
+    assert known_then({}, {"recipe": "bc", "furniture": "0" * 64, "seed": 0}) == {"seed": 0}

@@ -26,6 +26,7 @@ from tstar_rl.config.recipe_kinds import OURS
 from tstar_rl.config.schema import SECTIONS, Config, Section
 from tstar_rl.config.unread import check_what_is_not_read
 from tstar_rl.config.values import CONFIGS, plain
+from tstar_rl.runs.mismatch import FURNITURE
 from tstar_rl.runs.run_folder import RECIPES
 
 __all__ = ["check_config", "recipe"]
@@ -61,21 +62,25 @@ def recipe(name: str, **own: Any) -> Callable[[Callable[[DictConfig], None]], Ca
 
             torch.set_num_threads(config.torch_threads)
             logging.getLogger("torchrl").setLevel(logging.WARNING)
-            function(_with_recipe_name(name, config))
+            function(_with_origin(name, config))
 
         return command_line(body, CONFIGS, name, partial(check_config, name=name))
 
     return decorate
 
 
-def _with_recipe_name(name: str, config: DictConfig) -> DictConfig:
-    """A copy of the config that says which recipe it is of, as the config.yaml and the checkpoints of its run then do.
+def _with_origin(name: str, config: DictConfig) -> DictConfig:
+    """A copy of the config that says which recipe and piece it is of, as config.yaml and checkpoints of a run then do.
 
-    Two recipes that were given one system find out by it: the second does not go on with the first one's run.
+    Two recipes that were given one system find out by it, and so does a run whose file of furniture has changed: the
+    second does not go on with what the first has left.
     """
+    from tstar_rl.env.task_tables import furniture_digest
+
     config = deepcopy(config)
     with open_dict(config):
         config.recipe = name
+        config[FURNITURE] = furniture_digest(config.task.name)
     return config
 
 

@@ -10,7 +10,7 @@ from torchrl.envs import TransformedEnv
 from tstar_rl.demonstrations.data_set import Demonstrations
 from tstar_rl.demonstrations.file_check import KINDS
 from tstar_rl.demonstrations.header import DemonstrationError
-from tstar_rl.env.task_tables import furniture_digest
+from tstar_rl.env.task_tables import piece_digest
 from tstar_rl.rollouts.episodes import run_episodes
 
 __all__ = ["collect"]
@@ -80,7 +80,7 @@ def collect(
         success=torch.ones(len(pieces), dtype=torch.bool),
         snapshots=rows["snapshot"],
         noise=noise,
-        furniture=furniture_digest(arguments["task"]),
+        furniture=piece_digest(env.base_env.world.furniture),
     )
 
 

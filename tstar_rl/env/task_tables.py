@@ -13,6 +13,7 @@ from torch import Tensor
 from tstar_envs import geometry
 from tstar_envs.checks import short
 from tstar_envs.furniture import library
+from tstar_envs.furniture.schema import Furniture
 from tstar_envs.settings import TaskSettings
 from tstar_envs.tasks.recipe_tables import RecipeTables
 from tstar_rl.env.layout import observation_size
@@ -24,6 +25,7 @@ __all__ = [
     "joined_parts",
     "observation_dim",
     "part_names",
+    "piece_digest",
     "subtask_geometry",
     "table_geometry",
 ]
@@ -47,6 +49,12 @@ def observation_dim(task: str) -> int:
 def furniture_digest(task: str) -> str:
     """What tells a task's file of furniture from another one of that name; see `library.digest`."""
     return library.digest(task)
+
+
+def piece_digest(piece: Furniture) -> str | None:
+    """The same of a piece; None of one that is none of the library's, as one that was built in Python."""
+    of_library = piece.name in library.names() and library.load(piece.name) is piece
+    return furniture_digest(piece.name) if of_library else None
 
 
 def part_names(task: str) -> tuple[str, ...]:

@@ -9,17 +9,22 @@ from omegaconf import DictConfig
 from tstar_rl.config.values import plain
 from tstar_rl.launch.run_folders import evaluated_runs, of_an_earlier_training, run_folder
 from tstar_rl.runs.csv_tables import read_table
-from tstar_rl.runs.mismatch import CheckpointMismatchError, differences
+from tstar_rl.runs.mismatch import FURNITURE, CheckpointMismatchError, differences
 from tstar_rl.runs.run_config import MEASURED_ON, read_config
 from tstar_rl.runs.run_folder import FINISHED, run_path
 
 __all__ = ["check_chain", "check_evaluation", "is_evaluated"]
 
 
-def is_evaluated(config: DictConfig) -> bool:
-    """Whether a table that is there is complete, and not older than the end of any run that it is of."""
+def is_evaluated(config: DictConfig, furniture: str | None = None) -> bool:
+    """Whether a table that is there is complete, and not older than the end of any run that it is of.
+
+    Args:
+        config: of the evaluation.
+        furniture: the digest of the task's file of furniture; None: it is not compared.
+    """
     results, runs = run_folder(config, "results_dir"), evaluated_runs(config)
-    check_evaluation(results, plain(config))
+    check_evaluation(results, plain(config) | ({FURNITURE: furniture} if furniture else {}))
     file = results / "evaluation.csv"
     if not all((run / FINISHED).is_file() for run in runs) or of_an_earlier_training(file, config):
         return False
@@ -36,8 +41,9 @@ def is_evaluated(config: DictConfig) -> bool:
 def check_evaluation(folder: Path, config: Mapping[str, Any]) -> None:
     """Refuses an evaluation that the config.yaml of `folder` would not tell of.
 
-    That is one in another world than that of the training, or of the evaluation, that is there; and, of skills chained
-    as they are, one of others, on another device or by another simulator.
+    That is one in another world than that of the training, or of the evaluation, that is there, or with another piece
+    of that name, where both are known; and, of skills chained as they are, one of others, on another device or by
+    another simulator.
 
     Raises:
         CheckpointMismatchError: with what differs.
@@ -45,6 +51,11 @@ def check_evaluation(folder: Path, config: Mapping[str, Any]) -> None:
     saved = read_config(folder)
     if not saved:
         return
+    if FURNITURE in saved and saved[FURNITURE] != config.get(FURNITURE, saved[FURNITURE]):
+        raise CheckpointMismatchError(
+            f"{folder} has the results of another {config['task']['name']}.yaml than there is now: give another "
+            "results_dir=..., or delete them"
+        )
     names = ("env", "skills", "links", *MEASURED_ON) if saved.get("evaluation_only") else ("env",)
     there, now = ({**values, "links": values.get("chain", {}).get("links")} for values in (saved, config))
     if wrong := differences(*({name: values.get(name) for name in names} for values in (there, now))):

@@ -22,6 +22,7 @@ from tstar_rl.launch.side_by_side import Step
 from tstar_rl.runs.mismatch import (
     CHAINING,
     DEMONSTRATIONS_READ,
+    FURNITURE,
     MACHINE_ONLY,
     NOT_CLONED,
     as_begun,
@@ -93,12 +94,15 @@ def is_done(
     config = step_config(step, shared)
     if not config.resume or not all(file.is_file() for file in step_files(step, config)):
         return False
+    from tstar_rl.env.task_tables import furniture_digest  # with torch, which checks of values do without
+
+    furniture = None if other_code else furniture_digest(config.task.name)
     if step[0] == "make_demonstrations":
         for part, kind in product(demonstrated(config), config.kinds):
             check_made(config, part, kind, furniture=not other_code)
         return True
     if step[0] == "evaluate":
-        return is_evaluated(config)
+        return is_evaluated(config, furniture)
     results = run_folder(config, "results_dir")
     saved = read_config(results)
     unread = NOT_CLONED if step[0] == "bc" else CHAINING if step[0] in ONE_POLICY else ()
@@ -106,7 +110,7 @@ def is_done(
     asked = {name: value for name, value in plain(config).items() if name not in ignored}
     if config.demonstrations.get("file") and (read := saved.get(DEMONSTRATIONS_READ)):
         asked[DEMONSTRATIONS_READ] = read | digests_of_file(config, read)
-    asked = known_then(saved, asked | {"recipe": step[0]})
+    asked = known_then(saved, asked | {"recipe": step[0]} | ({FURNITURE: furniture} if furniture else {}))
     begun = as_begun(saved, asked)
     check_config(results, saved, begun)
     return bool(saved) and begun == asked

@@ -9,6 +9,7 @@ from tstar_rl.checks import UserError
 __all__ = [
     "CHAINING",
     "DEMONSTRATIONS_READ",
+    "FURNITURE",
     "MACHINE_ONLY",
     "NOT_CLONED",
     "CheckpointMismatchError",
@@ -41,6 +42,10 @@ DEMONSTRATIONS_READ = "demonstrations_read"
 """What a run's config.yaml says of a user's file of demonstrations: the SHA-256 of each part that was read."""
 
 
+FURNITURE = "furniture"
+"""What config.yaml and checkpoints say of the task's file of furniture: `env.task_tables.furniture_digest`."""
+
+
 class CheckpointMismatchError(UserError, ValueError):
     """A checkpoint belongs to something else."""
 
@@ -61,10 +66,10 @@ def check_config(results: Path, saved: Mapping[str, Any], asked: Mapping[str, An
 def known_then(saved: Mapping[str, Any], asked: Mapping[str, Any]) -> dict[str, Any]:
     """`asked` as the run in `saved` would have noted it.
 
-    Older runs, and programs of a user's own, note no recipe, and older ones no user's file. Older ones of SPiRL note
-    normalizer.running as their scale has it, and did not read it.
+    Older runs, and programs of a user's own, note no recipe and no furniture, and older ones no user's file. Older ones
+    of SPiRL note normalizer.running as their scale has it, and did not read it.
     """
-    told = ("recipe", DEMONSTRATIONS_READ)
+    told = ("recipe", DEMONSTRATIONS_READ, FURNITURE)
     known = {name: value for name, value in asked.items() if name not in told or name in saved}
     running = (saved.get("normalizer") or {}).get("running")
     if asked.get("recipe") == "spirl" and "normalizer" in asked and running is not None:
@@ -98,4 +103,8 @@ def differences(saved: Any, wanted: Any, name: str = "") -> list[str]:
             for text in differences(saved.get(key), wanted.get(key), f"{name}.{key}" if name else str(key))
         ]
     saved, wanted = (list(value) if isinstance(value, tuple) else value for value in (saved, wanted))
-    return [] if saved == wanted else [f"{name} was {saved!r} when it was saved, and is {wanted!r} now"]
+    if saved == wanted:
+        return []
+    if name == FURNITURE:
+        return ["the task's file of furniture said something else when it was saved than it does now"]
+    return [f"{name} was {saved!r} when it was saved, and is {wanted!r} now"]

@@ -19,7 +19,7 @@ from tstar_rl.runs.best_so_far import BestSoFar
 from tstar_rl.runs.csv_tables import LogError, MetricsLog
 from tstar_rl.runs.files import flush, put_back, remove_folder, replacing
 from tstar_rl.runs.measured import chains_of, forget_measurements
-from tstar_rl.runs.mismatch import MACHINE_ONLY, CheckpointMismatchError, as_begun, known_then
+from tstar_rl.runs.mismatch import FURNITURE, MACHINE_ONLY, CheckpointMismatchError, as_begun, known_then
 from tstar_rl.runs.previous_run import PreviousRun
 from tstar_rl.runs.run_config import note_resumed, note_section, read_config, restore_config, write_config
 from tstar_rl.runs.run_folder import CHECKPOINTS, FINISHED, SAVED, UNFINISHED, run_path
@@ -34,8 +34,8 @@ class Run:
 
     Args:
         config: plain values; recorded, and compared when resuming. Read are task.name, system, seed, results_dir and
-            runs_dir, which say where the run lies, resume, progress_bar and, where there is one, env. Configs of a
-            recipe also have "recipe", its name.
+            runs_dir, which say where the run lies, resume, progress_bar and, where they are there, env and furniture.
+            Configs of a recipe also have "recipe", its name, and "furniture", the digest of the task's file.
         subtask: that the run trains, or None.
         total: environment steps, for the bar.
         trials: whether the best so far is told by trials; see `BestSoFar`.
@@ -83,7 +83,11 @@ class Run:
     @property
     def origin(self) -> dict[str, Any]:
         """What a skill or a chain that the run saves says of where it is from: its system, and its world."""
-        return {"recipe": self.config["system"], "env": self.config.get("env")}
+        return {
+            "recipe": self.config["system"],
+            "env": self.config.get("env"),
+            FURNITURE: self.config.get(FURNITURE),
+        }
 
     def _hold(self) -> None:
         """Takes both folders: runs with one results folder and two of work would write one table."""

@@ -17,7 +17,7 @@ from tstar_rl.checks import InvalidValueError
 from tstar_rl.demonstrations.data_set import Demonstrations
 from tstar_rl.demonstrations.formats.recording import Episode, Recording, episode_differences
 from tstar_rl.demonstrations.header import KINDS
-from tstar_rl.env.task_tables import furniture_digest
+from tstar_rl.env.task_tables import piece_digest
 from tstar_rl.rollouts.collection import with_starts
 
 __all__ = ["not_reproduced", "record", "replay", "replay_demonstrations"]
@@ -36,7 +36,7 @@ def record(env: Any, policy: Callable, made_by: str, seed: int = 0) -> Recording
     """
     episodes = _play(env, env.reset()["snapshot"], policy, None)
     with_seeds = [replace(one, seed=seed) for one in episodes]
-    return Recording(env.arguments, made_by, with_seeds, furniture=furniture_digest(env.arguments["task"]))
+    return Recording(env.arguments, made_by, with_seeds, furniture=piece_digest(env.world.furniture))
 
 
 def replay(env: Any, starts: TensorDictBase, actions: Sequence[Tensor]) -> list[Episode]:
@@ -86,7 +86,7 @@ def replay_demonstrations(env: Any, demonstrations: Demonstrations, source: str 
         f"scripted assembler, {kind} demonstrations" if scripted else f"{kind} from {source}",
         [replace(episode, labels=label, seed=seed) for episode, label, seed in together],
         demonstrations.noise,
-        furniture_digest(env.arguments["task"]),
+        piece_digest(env.world.furniture),
     )
 
 
