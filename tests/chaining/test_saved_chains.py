@@ -1,5 +1,6 @@
 """The folder of a chain: all of its skills or none, of one chain, in order."""
 
+import functools
 import shutil
 
 import pytest
@@ -47,6 +48,30 @@ def test_a_skill_of_another_chain_or_place_is_refused_by_its_name(chain, tmp_pat
     shutil.copytree(chain / "skill1", chain / "skill2")
     with pytest.raises(DamagedCheckpointError, match="skill2 is the skill of subtask 1"):
         chain_folders(chain)
+
+
+def test_what_is_no_checkpoint_and_no_chain_is_not_replaced(chain, tmp_path):
+    """As a folder of runs is, which ship.py was told to write into."""
+    skills, run = [Skill("table_lack", 0, SMALL)], tmp_path / "runs/table_lack/tstar"
+    (run / "seed0").mkdir(parents=True)
+    (tmp_path / "notes.txt").write_text("mine")
+    (tmp_path / "mine/skill0").mkdir(parents=True)
+    for save in (skills[0].save, functools.partial(save_chain, skills)):
+        with pytest.raises(
+            InvalidValueError, match=r"table_lack/tstar holds seed0, which a checkpoint there would"
+        ):
+            save(run)
+        with pytest.raises(InvalidValueError, match=r"runs holds table_lack, which"):
+            save(run.parent.parent)
+        with pytest.raises(InvalidValueError, match=r"mine holds skill0, which"):
+            save(tmp_path / "mine")
+        with pytest.raises(InvalidValueError, match=r"notes\.txt is a file: a checkpoint is a folder"):
+            save(tmp_path / "notes.txt")
+        save(chain)  # of three skills, and then of what the save before left
+        (tmp_path / "empty").mkdir(exist_ok=True)
+        save(tmp_path / "empty")
+    assert (run / "seed0").is_dir() and (tmp_path / "notes.txt").read_text() == "mine"
+    assert [skill.subtask for skill in load_chain(chain)] == [0]
 
 
 def test_a_chain_that_is_replaced_while_it_is_read_is_not_read_by_halves(chain, monkeypatch):

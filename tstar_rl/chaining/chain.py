@@ -13,7 +13,7 @@ from torch import nn
 
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.checks import InvalidValueError, MissingFileError
-from tstar_rl.runs.checkpoint import is_checkpoint, read_record
+from tstar_rl.runs.checkpoint import check_place, is_checkpoint, read_record
 from tstar_rl.runs.checksums import DamagedCheckpointError
 from tstar_rl.runs.files import replacing_folder
 from tstar_rl.runs.run_folder import made_by
@@ -95,9 +95,11 @@ def save_chain(skills: Sequence[Skill], path: str | Path, **record: Any) -> None
     which chain it is of and how many skills that has, so that none can be lost unnoticed.
 
     Raises:
-        InvalidValueError: for skills that make no chain; see `check_order`. What is there stays.
+        InvalidValueError: for skills that make no chain (`check_order`), or a folder of something else
+            (`checkpoint.check_place`). What is there stays.
     """
     check_order(skills)
+    check_place(path)
     whole = {"id": uuid.uuid4().hex, "skills": len(skills)}
     with replacing_folder(Path(path)) as stage:
         for index, skill in enumerate(skills):

@@ -19,7 +19,7 @@ from torchrl.checkpoint import (
     StateDictCheckpointAdapter,
 )
 
-from tstar_rl.checks import MissingFileError, UserError
+from tstar_rl.checks import InvalidValueError, MissingFileError, UserError
 from tstar_rl.runs.checksums import SEAL, DamagedCheckpointError, read_seal, seal, verify
 from tstar_rl.runs.files import named_in_errors, remove_remains, replacing_folder
 from tstar_rl.runs.mismatch import CheckpointMismatchError, differences
@@ -27,6 +27,7 @@ from tstar_rl.runs.run_folder import made_by
 
 __all__ = [
     "DamagedCheckpointError",
+    "check_place",
     "is_checkpoint",
     "latest",
     "load",
@@ -69,7 +70,12 @@ def _place(path: str | Path) -> Path:
 
 
 def save(path: str | Path, components: Mapping[str, Any], record: Mapping[str, Any]) -> None:
-    """Writes the components (with `state_dict`) and the record to `path`, replacing what was there."""
+    """Writes the components (with `state_dict`) and the record to `path`, replacing the checkpoint that was there.
+
+    Raises:
+        InvalidValueError: see `check_place`.
+    """
+    check_place(path)
     _SealedCheckpoint(components).save(path, metadata=dict(record))
 
 
@@ -98,6 +104,27 @@ def latest(directory: str | Path) -> Path | None:
 def is_checkpoint(path: str | Path) -> bool:
     """Whether there is a checkpoint at `path`, damaged or not."""
     return any((Path(path) / part).exists() for part in PARTS)
+
+
+def check_place(path: str | Path) -> None:
+    """Checks that nothing but a checkpoint, or a chain of them, would be lost if one took the place of what is there.
+
+    Raises:
+        InvalidValueError: there is a file, or a folder that holds anything else; it is named, and stays.
+    """
+    path = Path(path)
+    if path.exists() and not path.is_dir():
+        raise InvalidValueError(f"{path} is a file: a checkpoint is a folder; give another path")
+    inside = [each for each in path.glob("[!.]*") if each.name not in PARTS]
+    if others := sorted(each.name for each in inside if not _is_skill_of_chain(each)):
+        raise InvalidValueError(
+            f"{path} holds {others[0]}{' and more' if others[1:] else ''}, which a checkpoint there would replace: "
+            "give a path that is new, empty or a checkpoint"
+        )
+
+
+def _is_skill_of_chain(path: Path) -> bool:
+    return re.fullmatch(r"skill\d+", path.name) is not None and is_checkpoint(path)
 
 
 def read_record(path: str | Path, /, **expected: Any) -> dict[str, Any]:
