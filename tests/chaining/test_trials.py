@@ -50,6 +50,25 @@ def test_a_trial_of_a_shorter_chain_ends_where_the_chain_does(skills):
     assert trial.steps() == int(env.base_env.steps.sum()) < 16 * 5
 
 
+class Deaf(PointChain):
+    """It always begins in a start of its own, as an environment does whose author forgot what a reset is given."""
+
+    def _reset(self, tensordict=None, **kwargs):
+        return super()._reset(None if tensordict is None else tensordict.exclude("start"), **kwargs)
+
+
+def test_an_environment_that_does_not_begin_where_it_is_told_is_refused(skills):
+    env = with_starts(Deaf("table_lack", 16, None, seed=3))
+    with pytest.raises(InvalidValueError, match="skill 1 did not begin where skill 0 ended: at a reset"):
+        run_trial(skills, env)
+    assert env.is_closed
+
+
+def test_what_makes_no_chain_is_not_tried(skills):
+    with pytest.raises(InvalidValueError, match=r"subtasks 0, 1, ... in order; got \[1, 0\]"):
+        run_trial(skills[1::-1], with_starts(PointChain("table_lack", 4, None, seed=3)))
+
+
 class Breaking(PointChain):
     """Its simulations 0 and 1 break in the step in which they arrive, as where MuJoCo gives up: nothing is joined."""
 

@@ -1,10 +1,13 @@
 """Where episodes begin, and what each row says of it: `SkillChainReset` and `EpisodeStart`."""
 
+import pytest
 import torch
 from torch.testing import assert_close
 from torchrl.envs import Compose, TransformedEnv
 from transform_parts import FixedStarts
 
+from tstar_rl.checks import InvalidValueError
+from tstar_rl.rollouts.starts import MixedStarts
 from tstar_rl.transforms import (
     EpisodeStart,
     SkillChainReset,
@@ -36,6 +39,20 @@ def test_without_starts_the_environment_begins(make_env):
     assert (env.reset()["observation"][:, 0] < 0.2).all() and env.transform.draws["environment"] == 3
     starts.available = True  # the set has grown: it is read by handle
     assert_close(env.reset()["observation"][:, 0], torch.full((3,), 0.9))
+
+
+def test_a_source_that_gives_too_few_or_too_many_is_refused_by_its_name(make_env):
+    class Two(FixedStarts):
+        def sample(self, n, generator):
+            return super().sample(2, generator)
+
+    for starts in (Two(), MixedStarts([Two(), FixedStarts()], [1.0, 1e-9])):
+        env = TransformedEnv(make_env(), SkillChainReset(starts, probability=1.0))
+        with pytest.raises(
+            InvalidValueError, match=r"Two\.sample\(3\) gave 2 starts: it must give as many as"
+        ):
+            env.reset()
+        assert env.transform.draws == {"environment": 0, "chained": 0}
 
 
 def test_draws_resume_from_the_state_dict():

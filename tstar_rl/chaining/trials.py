@@ -13,6 +13,7 @@ from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 from torchrl.envs import ExplorationType, TransformedEnv, set_exploration_type
 
+from tstar_rl.chaining.chain import check_order
 from tstar_rl.chaining.paths import Path, PathLog
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.checks import InvalidValueError
@@ -145,6 +146,21 @@ class _Notes:
         )
 
 
+def _check_handed_over(found: Sequence[SkillTrial]) -> None:
+    """Raises InvalidValueError where the last skill began no nearer to where the one before ended than resets are."""
+    if len(found) < 2 or not len(found[-1].starts):
+        return
+    before, began, resets = found[-2], found[-1].starts, found[0].starts[found[-1].simulations]
+    ended = before.ends["observation"][~before.over]
+    off, reset_off = float((began - ended).abs().mean()), float((resets - ended).abs().mean())
+    if off > 1e-6 and off > reset_off / 2:
+        raise InvalidValueError(
+            f"skill {len(found) - 1} did not begin where skill {len(found) - 2} ended: at a reset the environment must "
+            'begin in ("start", "snapshot") where ("start", "use"), and go on with its episode where ("start", '
+            '"goes_on"); see docs/library.md'
+        )
+
+
 class _HandedOver:
     """Starts where the skill before ended, one for each simulation; none at first."""
 
@@ -178,8 +194,10 @@ def run_trial(
         first: the first skill that has changed; of no meaning without `known`.
 
     Raises:
-        InvalidValueError: if the environment counts no steps.
+        InvalidValueError: if the skills are no chain (`check_order`), if the environment counts no steps, or if it does
+            not begin an episode in the state that `SkillChainReset` hands to it.
     """
+    check_order(skills)
     if "step_count" not in env.observation_spec.keys():
         raise InvalidValueError("a trial needs an environment with a StepCounter: with_starts(env) adds it")
     found = [] if known is None else known.skills[:first]
@@ -190,6 +208,7 @@ def run_trial(
             for index in range(len(found), len(skills)):
                 before = found[-1] if found else None
                 found.append(_run_skill(index, skills[index].policy, env, handed, before, path_steps))
+                _check_handed_over(found)
     finally:
         env.close()
     return Trial(found)

@@ -14,7 +14,7 @@ from tstar_rl.chaining.skill import Skill
 from tstar_rl.chaining.skill_training import SkillTraining
 from tstar_rl.chaining.training import TrainingSettings
 from tstar_rl.checks import InvalidValueError
-from tstar_rl.config.demonstrations import load_demonstrations
+from tstar_rl.config.demonstrations import given_demonstrations, load_demonstrations
 from tstar_rl.config.values import plain, settings
 from tstar_rl.demonstrations.data_set import Demonstrations
 from tstar_rl.demonstrations.starts import DemonstrationStarts
@@ -213,7 +213,11 @@ def skill_training(
     subtask, steps = config.subtask, config.training.total_steps
     seed = derive_seed(config.seed, "train", subtask)
     skill = new_skill(config, subtask)
-    expert = load_demonstrations(config, subtask) if expert is None else expert.to(config.device)
+    expert = (
+        load_demonstrations(config, subtask)
+        if expert is None
+        else given_demonstrations(config, subtask, expert)
+    )
     run = Run(plain(config), subtask, steps, unread=CHAINING)
     skill.normalizer.fit(expert.observations, config.normalizer.floor)
 

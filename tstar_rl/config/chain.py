@@ -16,8 +16,9 @@ from tstar_rl.chaining.skill import Skill
 from tstar_rl.chaining.trials import run_trial
 from tstar_rl.chaining.turns import Turn
 from tstar_rl.checks import InvalidValueError
-from tstar_rl.config.build import environment, load_demonstrations, make_collection, training_settings
+from tstar_rl.config.build import environment, make_collection, training_settings
 from tstar_rl.config.check import ConfigError
+from tstar_rl.config.demonstrations import given_demonstrations, load_demonstrations
 from tstar_rl.config.ranges import chain_length, turn_shape
 from tstar_rl.config.values import plain, settings
 from tstar_rl.config.worlds import check_world
@@ -46,6 +47,7 @@ def chain_turns(config: DictConfig, experts: Sequence[Demonstrations] | None = N
         CheckpointMismatchError: see `load_skills`.
         InvalidValueError: if the recipe does not declare from_checkpoint or it is null, or experts are not as many as
             the skills.
+        DemonstrationError: see `given_demonstrations` and `load_demonstrations`.
     """
     if "from_checkpoint" not in config:
         raise InvalidValueError(
@@ -57,12 +59,12 @@ def chain_turns(config: DictConfig, experts: Sequence[Demonstrations] | None = N
     skills = load_skills(config, checkpoint=config.from_checkpoint)
     if experts is None:
         experts = [load_demonstrations(config, index) for index in range(len(skills))]
-    else:
-        experts = [expert.to(config.device) for expert in experts]
-    if len(experts) != len(skills):
+    elif len(experts) != len(skills):
         raise InvalidValueError(
             f"a chain of {len(skills)} skills needs demonstrations of each, got {len(experts)}"
         )
+    else:
+        experts = [given_demonstrations(config, *each) for each in enumerate(experts)]
     values = config.chain
     rollouts, frames = turn_shape(config)
     run = chain_run(config, len(skills), values.rounds * len(skills) * rollouts * frames, trials=True)

@@ -22,6 +22,7 @@ __all__ = [
     "demonstrations_path",
     "demonstrations_seed",
     "digests_of_file",
+    "given_demonstrations",
     "load_demonstrations",
     "other_settings",
     "part_name",
@@ -110,6 +111,19 @@ def load_demonstrations(config: DictConfig, subtask: int | None) -> "Demonstrati
                 part_name(subtask): _digest(path),
             }
     return found.to(config.device)
+
+
+def given_demonstrations(config: DictConfig, subtask: int | None, given: Any) -> Any:
+    """Demonstrations that a caller has, on the config's device: the library's, or anything with what training reads.
+
+    That is "observations" (n, O) and "actions" (n, A); what has no `to` is taken to be on that device.
+
+    Raises:
+        DemonstrationError: the library's are of another task or subtask.
+    """
+    if hasattr(given, "check_of"):
+        given.check_of(config.task.name, subtask)
+    return given.to(config.device) if hasattr(given, "to") else given
 
 
 def digests_of_file(config: DictConfig, parts: Iterable[str]) -> dict[str, str]:

@@ -63,7 +63,7 @@ def _check_signal(values: Mapping[str, Any], name: str) -> None:
 
 def _check_starts(values: Mapping[str, Any], name: str) -> None:
     chain, starts = values["chain"], values["chain"]["starts"]
-    no_chained_starts = not starts.get("gaussian", 0.0) + starts.get("buffer", 0.0)
+    no_chained_starts = not any(share for source, share in starts.items() if source != "environment")
     keeps = name in LEARN_FROM_KEPT or values.get("demonstrated_ends")
     if name == "in_order_cloned" and not values["demonstrated_ends"]:
         raise ConfigError(

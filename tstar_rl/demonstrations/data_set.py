@@ -77,11 +77,23 @@ class Demonstrations:
         snapshots = self.snapshots if self.snapshots.is_empty() else self.snapshots[:rows]
         return replace(self, **cut, snapshots=snapshots)
 
+    def check_of(self, task: str, subtask: int | None) -> None:
+        """Raises DemonstrationError if these are of another task or subtask."""
+        if (self.task, self.subtask) != (task, subtask):
+            raise DemonstrationError(
+                f"demonstrations of {task}, subtask {subtask}, are wanted; got those of {self.task}, "
+                f"subtask {self.subtask}"
+            )
+
     def and_also(self, other: "Demonstrations") -> "Demonstrations":
         """These and others of the same subtask; their kind and arguments are those of these.
 
         They have snapshots where both have.
+
+        Raises:
+            DemonstrationError: the others are of another task or subtask.
         """
+        other.check_of(self.task, self.subtask)
         names = ("seeds", "lengths", "success", "observations", "actions", "executed")
         together = {name: torch.cat([getattr(self, name), getattr(other, name)]) for name in names}
         both = [self.snapshots, other.snapshots]

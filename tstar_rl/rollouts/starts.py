@@ -40,11 +40,12 @@ class MixedStarts:
         shares: of the sources, in their order; positive, scaled to a sum of 1.
 
     Raises:
-        ValueError: if there is not one positive share for each source.
+        ValueError: if there is not one positive, finite share for each source; in `sample`, if a source gives another
+            number of starts than it was asked for.
     """
 
     def __init__(self, sources: Sequence[Starts], shares: Sequence[float]) -> None:
-        if len(sources) != len(shares) or not sources or min(shares) <= 0:
+        if len(sources) != len(shares) or not sources or not all(0 < share < math.inf for share in shares):
             raise ValueError(
                 f"every source needs a positive share, got {len(sources)} sources, shares {list(shares)}"
             )
@@ -63,6 +64,11 @@ class MixedStarts:
             drawn = source.sample(len(rows), generator)
             if not drawn.batch_size[0]:
                 return TensorDict(batch_size=[0])
+            if drawn.batch_size[0] != len(rows):
+                raise InvalidValueError(
+                    f"{type(source).__name__}.sample({len(rows)}) gave {drawn.batch_size[0]} starts: it must give as "
+                    "many as it is asked for, or none while it has none"
+                )
             order.append(rows)
             pieces.append(drawn.get("snapshot", drawn))
         together: TensorDictBase = torch.cat(pieces)  # pyright: ignore[reportAssignmentType]

@@ -37,7 +37,8 @@ class SkillChainReset(Transform):
 
     Raises:
         ValueError: if the probability is not in [0, 1]; at a reset, if it is around a `ParallelEnv`, or around
-            environments with transforms of their own that TorchRL has not made one with it, or beside another one.
+            environments with transforms of their own that TorchRL has not made one with it, or beside another one, or
+            if `starts` gives another number of them than it was asked for.
         KeyError: at a step without "start_chained".
 
     A clone shares generator and counts with it, as clones of TorchRL's transforms share what is no parameter; so an
@@ -119,6 +120,11 @@ class SkillChainReset(Transform):
         if drawn is None or drawn.batch_size[0] == 0:
             self.draws["environment"] += int(rows.sum())
             return None
+        if drawn.batch_size[0] != count:
+            raise InvalidValueError(
+                f"{type(self.starts).__name__}.sample({count}) gave {drawn.batch_size[0]} starts: it must give as many "
+                "as it is asked for, or none while it has none"
+            )
         self.draws["chained"] += count
         self.draws["environment"] += int(rows.sum()) - count
         drawn = drawn.get("snapshot", drawn)
