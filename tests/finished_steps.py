@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pandas as pd
-import yaml
 from omegaconf import DictConfig
 from recorded import leave_demonstrations
 
 from tstar_rl.config.values import plain
 from tstar_rl.launch import steps
 from tstar_rl.launch.steps import step_files
+from tstar_rl.runs.run_config import write_config
 
 SUBTASKS = 4
 
@@ -52,5 +52,4 @@ def finish(
         os.utime(file, (at, at))
     if step[0] not in ("evaluate", "make_demonstrations"):
         results = Path(config.results_dir) / step_files(step, config)[0].parent.relative_to(config.runs_dir)
-        results.mkdir(parents=True, exist_ok=True)
-        (results / "config.yaml").write_text(yaml.safe_dump(plain(config)))
+        write_config(results, plain(config))

@@ -2,18 +2,21 @@
 
 import difflib
 import math
-from collections.abc import Iterable, Sequence
+import numbers
+from collections.abc import Iterable, Mapping, Sequence
 from importlib import import_module
 from importlib.util import find_spec
 from typing import Any
 
 __all__ = [
+    "DivergedError",
     "InvalidValueError",
     "MissingExtraError",
     "MissingFileError",
     "NothingToDo",
     "UserError",
     "check_choices",
+    "check_losses",
     "check_ranges",
     "check_sizes",
     "did_you_mean",
@@ -36,6 +39,10 @@ class InvalidValueError(UserError, ValueError):
 
 class NothingToDo(UserError):
     """What is asked for is there already. A recipe ends with this message as one that has done its work."""
+
+
+class DivergedError(UserError, ArithmeticError):
+    """A training has a loss that is no finite number: what it would go on to is of no use."""
 
 
 class MissingFileError(UserError, FileNotFoundError):
@@ -122,6 +129,24 @@ def check_ranges(settings: Any, **kinds: Sequence[str]) -> None:
             value = getattr(settings, name)
             if value is not None and not fits(value):
                 raise InvalidValueError(f"{type(settings).__name__}.{name} must be {said}, got {value}")
+
+
+def check_losses(values: Mapping[str, Any], after: str) -> None:
+    """Checks that every loss among logged values is a finite number.
+
+    Args:
+        values: by name; a loss has the word "loss" in its name, as loss_policy and bc_loss do.
+        after: says when it was, as in "after 4096 steps".
+
+    Raises:
+        DivergedError: for the first that is not.
+    """
+    for name, value in values.items():
+        if "loss" in name.split("_") and isinstance(value, numbers.Real) and not math.isfinite(value):
+            raise DivergedError(
+                f"the training has diverged: {name} is {value} {after}. Lower the learning rates, or look at what it "
+                "learns from (a reward or an observation may be no finite number)"
+            )
 
 
 def check_choices(settings: Any, **choices: Iterable[str]) -> None:

@@ -40,10 +40,13 @@ def derive_seed(seed: int, purpose: str, *index: int | None) -> int:
     None (the whole task) counts as 99. An index that is left out counts as 0, as long as there are two of them at most.
 
     Raises:
-        ValueError: if there is no purpose of that name.
+        ValueError: if there is no purpose of that name, or the seed is no whole number from 0 to 2**32 - 1: a larger
+            one would share its seeds with another purpose of a smaller one.
     """
     if purpose not in PURPOSES:
         raise ValueError(f"purpose must be one of {', '.join(PURPOSES)}; got {purpose!r}")
+    if not 0 <= seed < 2**32:
+        raise ValueError(f"seed must be a whole number from 0 to 2**32 - 1, got {seed}")
     words = np.random.SeedSequence(
         [seed, PURPOSES.index(purpose), *(99 if i is None else i for i in index)]
     ).generate_state(1)

@@ -46,8 +46,12 @@ def test_a_chain_of_skills_with_other_figures_is_not_published(tmp_path):
     ):
         (tmp_path / place).mkdir(parents=True)
         (tmp_path / place / "evaluation.csv").write_text(f"progress,minutes\n{progress},1\n")
-    (tmp_path / "a/t/tstar/seed0/config.yaml").write_text("skills: gail_ppo\nfrom_checkpoint: last\n")
-    (tmp_path / "a/t/bc/seed0/config.yaml").write_text("skills: bc\nfrom_checkpoint: last\n")
+    (tmp_path / "a/t/tstar/seed0/config.yaml").write_text(
+        "skills: gail_ppo\nfrom_checkpoint: last\nversions: {commit: c}\n"
+    )
+    (tmp_path / "a/t/bc/seed0/config.yaml").write_text(
+        "skills: bc\nfrom_checkpoint: last\nversions: {commit: c}\n"
+    )
     with pytest.raises(
         ValueError, match=r"or of skills that were: .*b/t/gail_ppo.*, .*b/t/tstar/seed0/evaluation.csv; "
     ):
@@ -62,7 +66,7 @@ def test_runs_that_are_no_chains_of_such_skills_are_published(tmp_path):
     for place, progress in ((f"b/{whole}", 0.75), *((f"a/{name}", 0.5) for name in (whole, other, own))):
         (tmp_path / place).mkdir(parents=True)
         (tmp_path / place / "evaluation.csv").write_text(f"progress,minutes\n{progress},1\n")
-        (tmp_path / place / "config.yaml").write_text("skills: gail_ppo\n")
+        (tmp_path / place / "config.yaml").write_text("skills: gail_ppo\nversions: {commit: c}\n")
     with pytest.raises(InvalidValueError, match=rf"that were: [^ ]*b/{whole}/evaluation.csv; delete"):
         publish(tmp_path / "a", tmp_path / "b")
     assert all((tmp_path / f"b/{name}/evaluation.csv").is_file() for name in (other, own))

@@ -8,7 +8,6 @@ import h5py
 import numpy as np
 import pandas as pd
 import pytest
-import yaml
 from omegaconf import OmegaConf
 from recipe_runs import load_recipe, run
 from recorded import as_demonstrations, make, scripted
@@ -19,6 +18,7 @@ from tstar_rl.config.build import load_skill
 from tstar_rl.demonstrations.formats import not_reproduced, read_hdf5, write_hdf5
 from tstar_rl.models.network_settings import NetworkSettings
 from tstar_rl.rollouts.episodes import same_policy
+from tstar_rl.runs.run_config import write_config
 from tstar_rl.runs.run_folder import run_path
 
 QUICK = ["scale=quick", "task=chair_ingolf", "subtask=1", "bc.epochs=2", "env.velocity_scale=1.0"]
@@ -92,8 +92,7 @@ def test_episodes_of_a_run_are_of_the_world_that_it_was_trained_in(call, say, tm
     run = run_path("runs/quick", "chair_ingolf", "bc", 0, 1)
     results = tmp_path / run_path("runs/quick/results", "chair_ingolf", "bc", 0, 1)
     Skill("chair_ingolf", 1, NetworkSettings(hidden=(8,))).save(tmp_path / run / "last")
-    results.mkdir(parents=True)
-    (results / "config.yaml").write_text(yaml.safe_dump({"env": {"velocity_scale": 0.4}}))
+    write_config(results, {"env": {"velocity_scale": 0.4}})
     values = [*QUICK, "episodes=1", "formats=[hdf5]", "check=false", "+env.max_steps=2"]
     told = say("export", *values, f"path={run / 'last'}")
     assert "results/chair_ingolf/bc/seed0/subtask1 has the results of something else: " in told

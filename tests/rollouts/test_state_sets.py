@@ -7,6 +7,7 @@ import torch
 from tensordict import TensorDict, assert_close
 from torchrl.envs import TransformedEnv
 
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.rollouts.state_sets import InitiationSet, StateSet, TerminationSet
 from tstar_rl.rollouts.terminal_gaussian import TerminalGaussian
 from tstar_rl.transforms import EpisodeStart, SkillChainReset
@@ -46,6 +47,21 @@ def test_the_ring_keeps_the_newest():
     assert sorted(states.all()["observation"].flatten().tolist()) == [2, 3, 4]
     states.extend(rows(5, 6, 7, 8))
     assert sorted(states.all()["observation"].flatten().tolist()) == [6, 7, 8]
+
+
+def test_states_of_other_entries_are_refused():
+    """TorchRL's storage would fill what they lack with whatever lay in memory."""
+    states = StateSet(4)
+    states.extend(TensorDict({"observation": torch.ones(1, 1), "snapshot": {"steps": torch.ones(1)}}, [1]))
+    with pytest.raises(
+        InvalidValueError, match=r"must have the entries .*these lack \('snapshot', 'steps'\)"
+    ):
+        states.extend(rows(1))
+    whole = states.all()
+    with pytest.raises(InvalidValueError, match="these have mine"):
+        states.extend(whole.clone().set("mine", torch.ones(1)))
+    assert len(states) == 1
+    states.extend(whole)
 
 
 def test_sampling_follows_the_generator():

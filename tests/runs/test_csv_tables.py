@@ -40,7 +40,8 @@ def test_evaluation_rows_replace_those_of_the_same_key(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "damage", [b"", b"seed,success", b"seed,success\n0,0.", b"seed\n\xff\xfe\n", b'a,b\n"0,1\n']
+    "damage",
+    [b"", b"seed,success", b"seed,success\n0,0.", b"seed\n\xff\xfe\n", b'a,b\n"0,1\n', b"a,b\n0,1\n2\n"],
 )
 def test_a_damaged_table_is_named(tmp_path, damage):
     path = tmp_path / "evaluation.csv"
@@ -52,7 +53,16 @@ def test_a_damaged_table_is_named(tmp_path, damage):
 
 
 @pytest.mark.parametrize(
-    "damage", [b"", b"a: [", b"seed: 0\nenv: {velocity", b"seed: 0\nenv: 1", b"\xff\xfe"]
+    "damage",
+    [
+        b"",
+        b"a: [",
+        b"seed: 0\nenv: {velocity",
+        b"seed: 0\nenv: 1",
+        b"seed: 0\n",  # cut at the end of a line
+        b"seed: 0\nversions:\n  torch: 2.13.0\n",
+        b"\xff\xfe",
+    ],
 )
 def test_a_damaged_config_is_named(tmp_path, damage):
     (tmp_path / "config.yaml").write_bytes(damage)

@@ -12,13 +12,12 @@ import yaml
 from saved_run import a_run
 
 from tstar_rl.analysis.tables import commit_of, short_commit
-from tstar_rl.rollouts.episodes import MODES
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.runs import versions
 from tstar_rl.runs.chain_rows import terminal_state_rows
 from tstar_rl.runs.csv_tables import MetricsLog, append_rows, rows_stay
 from tstar_rl.runs.run_config import note_evaluation
-from tstar_rl.runs.run_folder import Place, made_by, read_run_path, run_path
-from tstar_rl.seeds import EVALUATIONS, PURPOSES, derive_seed, evaluation_seed
+from tstar_rl.runs.run_folder import Place, made_by, read_run_path, run_path, spent_by
 
 
 def test_a_run_that_begins_again_is_not_finished(tmp_path):
@@ -210,36 +209,10 @@ def test_the_processor_is_named(tmp_path, monkeypatch):
     assert versions.versions()["processor"] == versions.processor()
 
 
-def test_seeds_of_different_purposes_differ():
-    seeds = {derive_seed(0, purpose, 1) for purpose in ("train", "validate", "evaluate")}
-    assert len(seeds) == 3 and derive_seed(0, "train", 1) in seeds and derive_seed(1, "train", 1) not in seeds
-    with pytest.raises(ValueError, match="purpose must be one of"):
-        derive_seed(0, "testing")
-
-
-def test_seeds_are_those_of_what_is_published():
-    """Another order of purposes or of evaluations would begin episodes that no table here was made of."""
-    found = {purpose: derive_seed(0, purpose, 1) for purpose in PURPOSES}
-    assert found == {
-        "train": 1683718082, "validate": 901243215, "harvest": 1961547765, "evaluate": 1531785293,
-        "demonstrate": 2040376534, "networks": 1565899405, "updates": 1749781631, "chain": 663341227,
-        "export": 1024449490, "collect": 1951628595,
-    }  # fmt: skip
-    assert {what: evaluation_seed(0, what, None) for what in EVALUATIONS} == {
-        "deterministic": 1805699211, "stochastic": 359558238, "hand_over": 529155087, "own_starts": 383253902,
-        "chain": 675086157, "influence": 729609053, "exchange": 605756676, "ways_home": 313924044,
-        "moved_parts": 41251332, "latents": 49722910, "parity": 1609591080,
-    }  # fmt: skip
-
-
-def test_seeds_depend_on_the_index_alone():
-    assert derive_seed(0, "evaluate", 0, None) == derive_seed(0, "evaluate", 0, 99)
-    assert derive_seed(0, "train") == derive_seed(0, "train", 0) == derive_seed(0, "train", 0, 0)
-
-
-def test_what_is_evaluated_has_seeds_of_its_own():
-    assert list(EVALUATIONS[: len(MODES)]) == list(MODES), "published tables are of these seeds"
-    assert len({evaluation_seed(0, what, 2) for what in EVALUATIONS}) == len(EVALUATIONS)
-    assert evaluation_seed(0, "hand_over", 2) == derive_seed(0, "evaluate", 2, 2)
-    with pytest.raises(ValueError, match="an evaluation is one of .*hand_over.*; got 'film'"):
-        evaluation_seed(0, "film")
+def test_what_a_run_took_is_not_read_by_halves(tmp_path):
+    (tmp_path / "finished.json").write_text('{"env_steps": 10, "minutes": 0.5}')
+    assert spent_by([tmp_path]) == {"env_steps": 10, "minutes": 0.5}
+    for damage in ("", "{", "[1]", '{"env_steps": "many"}'):
+        (tmp_path / "finished.json").write_text(damage)
+        with pytest.raises(InvalidValueError, match=r"finished.json is damaged: put it back"):
+            spent_by([tmp_path])

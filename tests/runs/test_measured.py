@@ -73,7 +73,7 @@ def test_chains_of_these_skills_under_another_name_go_too(tmp_path):
     for name, skills in (("mine", "gail_ppo_mine"), ("theirs", "gail_ppo")):
         folder = tmp_path / f"results/table/no_finetuning_{name}/seed0"
         folder.mkdir(parents=True)
-        (folder / "config.yaml").write_text(f"skills: {skills}\n")
+        (folder / "config.yaml").write_text(f"skills: {skills}\nversions: {{commit: c}}\n")
         (folder / "moved_parts.csv").write_text("progress\n1\n")
     a_run(tmp_path, subtask=2, system="gail_ppo_mine", skills="gail_ppo", resume=False).start()
     assert left(tmp_path, "seams") == [*ROWS, ("no_finetuning_theirs", 0)]
@@ -81,7 +81,8 @@ def test_chains_of_these_skills_under_another_name_go_too(tmp_path):
 
 
 def test_the_usual_chain_of_other_skills_stays_and_one_whose_config_is_damaged(tmp_path):
-    said = {"no_finetuning": "skills: bc\n", "no_finetuning_x": "", "a/no_finetuning_y": "skills: gail_ppo\n"}
+    whole = "skills: {}\nversions: {{commit: c}}\n".format
+    said = {"no_finetuning": whole("bc"), "no_finetuning_x": "", "a/no_finetuning_y": whole("gail_ppo")}
     for name, text in said.items():
         folder = tmp_path / f"results/table/{name}/seed0"
         folder.mkdir(parents=True)

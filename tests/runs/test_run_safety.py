@@ -105,10 +105,14 @@ def test_a_table_that_has_lost_rows_stops_a_run_that_resumes(tmp_path):
         ("has 0 whole rows", lambda: table.write_text("env_steps\n1")),
         ("has 0 whole rows", lambda: table.write_text("")),
         ("is missing", table.unlink),
+        ("is damaged .its first column is not env_steps", lambda: table.write_text("qqqq\n" * 9)),
+        ("is damaged .row 1 has 1 fields, and there are 2 col", lambda: table.write_text("env_steps,a\n1\n")),
+        ("is damaged .'utf-8' codec", lambda: table.write_bytes(b"\xff\xfe\n" * 9)),
     ):
         damage()
         before = contents(tmp_path)
-        with pytest.raises(LogError, match=rf"metrics.csv {said}, but its checkpoint counts 1.*resume=false"):
+        said += "" if "damaged" in said else ", but its checkpoint counts 1"
+        with pytest.raises(LogError, match=rf"metrics.csv {said}.*resume=false"):
             a_run(tmp_path).start(module=torch.nn.Linear(1, 1))
         assert contents(tmp_path) == before
 

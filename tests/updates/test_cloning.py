@@ -5,6 +5,7 @@ import torch
 from small_skill import small_skill
 from torch.optim.optimizer import register_optimizer_step_pre_hook
 
+from tstar_rl.checks import DivergedError
 from tstar_rl.models.networks import split_policy
 from tstar_rl.updates import (
     BehaviourCloningSettings,
@@ -50,3 +51,20 @@ def test_each_observation_has_its_action():
     for number in (3, 5):
         with pytest.raises(ValueError, match=f"got 4 observations and {number} actions"):
             behaviour_cloning(skill.policy, observations, torch.zeros(number, 9), BehaviourCloningSettings())
+    for wrong in (
+        torch.zeros(64, 1),
+        torch.zeros(64),
+        torch.zeros(64, 3, 3),
+    ):  # torch would broadcast the first
+        with pytest.raises(ValueError, match=r"actions must be \(n, 9\), as the policy's are; got \(64"):
+            behaviour_cloning(skill.policy, torch.zeros(64, 72), wrong, BehaviourCloningSettings())
+
+
+def test_a_loss_that_is_no_number_ends_it():
+    actions = torch.zeros(64, 9).index_fill(0, torch.tensor(3), torch.nan)
+    with pytest.raises(
+        DivergedError, match="has diverged: bc_loss is nan after 1 epochs of behaviour cloning"
+    ):
+        behaviour_cloning(
+            small_skill().policy, torch.randn(64, 72), actions, BehaviourCloningSettings(epochs=1)
+        )

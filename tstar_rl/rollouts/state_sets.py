@@ -14,6 +14,8 @@ from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
 
+from tstar_rl.checks import InvalidValueError
+
 __all__ = ["InitiationSet", "StateSet", "TerminationSet"]
 
 
@@ -74,13 +76,29 @@ class StateSet:
         return len(self.buffer)
 
     def extend(self, rows: TensorDictBase) -> int:
-        """Adds rows (n,); of more than `capacity` the last are kept. Returns n."""
+        """Adds rows (n,); of more than `capacity` the last are kept. Returns n.
+
+        Raises:
+            InvalidValueError: if they have other entries than those that are there: these would be read as noise.
+        """
         count = rows.batch_size[0]
         if count:
+            self._check_entries(rows)
             with _without_notes():
                 self.buffer.extend(rows[-self.capacity :].clone().to(self.device))
             self.changes += 1
         return count
+
+    def _check_entries(self, rows: TensorDictBase) -> None:
+        if not len(self):
+            return
+        kept = self.buffer[:1]
+        there, new = (set(each.keys(True, leaves_only=True)) - {"index"} for each in (kept, rows))
+        if wrong := sorted(there ^ new, key=str):
+            which = "lack" if wrong[0] in there else "have"
+            raise InvalidValueError(
+                f"states must have the entries of those in the set; these {which} {wrong[0]}"
+            )
 
     def all(self) -> TensorDictBase:
         """Every state, batch size [len(self)], in the order of the ring's slots."""

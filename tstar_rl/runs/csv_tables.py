@@ -1,6 +1,7 @@
 """CSV tables that outlive a process killed at any moment: rows are added at the end, anything else is done at once."""
 
-from collections.abc import Iterable, Mapping
+import csv
+from collections.abc import Iterable, Mapping, Sequence
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -31,6 +32,7 @@ def read_table(path: str | Path) -> pd.DataFrame:
         text = path.read_text()
         if not text.endswith("\n"):
             raise ValueError("its last line has no end" if text else "it is empty")
+        _check_fields(text.splitlines())
         return pd.read_csv(StringIO(text), float_precision="round_trip")  # rows that stay are not changed
     except ValueError as error:  # a UnicodeDecodeError is one, and so are pandas' errors of reading
         raise LogError(
@@ -38,15 +40,27 @@ def read_table(path: str | Path) -> pd.DataFrame:
         ) from error
 
 
+def _check_fields(lines: Sequence[str]) -> None:
+    """Raises a ValueError unless each row has as many fields as there are columns; the first line names these."""
+    if any('"' in line for line in lines):  # a comma may be part of a field
+        counts = [len(row) for row in csv.reader(lines)]
+    else:
+        counts = [line.count(",") + 1 for line in lines]
+    for number, count in enumerate(counts):
+        if count != counts[0]:
+            raise ValueError(f"row {number} has {count} fields, and there are {counts[0]} columns")
+
+
 class MetricsLog:
     """A CSV file that grows by rows.
 
     Args:
         path: of the file. `truncate` goes on with what is there; without it the first row replaces that.
+        first: the name of its first column, by which a file that is something else is told; None: any.
     """
 
-    def __init__(self, path: str | Path) -> None:
-        self.path = Path(path)
+    def __init__(self, path: str | Path, first: str | None = None) -> None:
+        self.path, self.first = Path(path), first
         self.path.parent.mkdir(parents=True, exist_ok=True)
         self.columns: list[str] = []
         self.rows = 0
@@ -74,14 +88,14 @@ class MetricsLog:
         self.columns, self.rows = columns, self.rows + len(rows)
 
     def check(self, rows: int) -> None:
-        """Raises a LogError if the file has not as many whole rows."""
+        """Raises a LogError if the file has not as many whole rows, or is no table of its columns."""
         self._lines(rows)
 
     def truncate(self, rows: int) -> None:
         """Keeps the first `rows` rows; the columns are those of the file.
 
         Raises:
-            LogError: if the file has fewer whole rows; it stays unchanged.
+            LogError: see `check`; the file stays unchanged.
         """
         if rows == 0:
             self.path.unlink(missing_ok=True)
@@ -93,9 +107,15 @@ class MetricsLog:
 
     def _lines(self, rows: int) -> list[str]:
         """The whole lines of the file, the header and at least `rows`."""
-        lines = self.path.read_text().splitlines(keepends=True) if self.path.is_file() else []
-        if lines and not lines[-1].endswith("\n"):
-            lines.pop()  # it was cut off
+        try:
+            lines = self.path.read_text().splitlines(keepends=True) if self.path.is_file() else []
+            if lines and not lines[-1].endswith("\n"):
+                lines.pop()  # it was cut off
+            if rows and lines and self.first not in (None, lines[0].strip().split(",")[0]):
+                raise ValueError(f"its first column is not {self.first}")
+            _check_fields(lines[: rows + 1])
+        except ValueError as error:  # a UnicodeDecodeError is one
+            raise LogError(f"{self.path} is damaged ({error}): put it back from a copy") from error
         if rows and len(lines) < rows + 1:
             found = f"has {max(len(lines) - 1, 0)} whole rows" if self.path.is_file() else "is missing"
             raise LogError(f"{self.path} {found}, but its checkpoint counts {rows}: put the table back")

@@ -14,6 +14,7 @@ from typing import Any
 from torchrl.checkpoint import GlobalRNGState
 from tqdm import tqdm
 
+from tstar_rl.checks import check_losses
 from tstar_rl.runs import checkpoint, lock
 from tstar_rl.runs.best_so_far import BestSoFar
 from tstar_rl.runs.csv_tables import LogError, MetricsLog
@@ -65,10 +66,10 @@ class Run:
         self.env_steps, self.seconds, self.turn = 0, 0.0, 0
         self.best = BestSoFar(trials)
         self.components: dict[str, Any] = {}
-        self.metrics = MetricsLog(self.results / "metrics.csv")
-        self.terminal_states = MetricsLog(self.results / "terminal_states.csv")
-        self.calibration = MetricsLog(self.results / "calibration.csv")
-        self.timing = MetricsLog(self.work / "timing.csv")
+        self.metrics = MetricsLog(self.results / "metrics.csv", "env_steps")
+        self.terminal_states = MetricsLog(self.results / "terminal_states.csv", "env_steps")
+        self.calibration = MetricsLog(self.results / "calibration.csv", "env_steps")
+        self.timing = MetricsLog(self.work / "timing.csv", "env_steps")
         self._last_save, self._clock = 0, time.perf_counter()
         self._kept: dict[str, int] = {}
         label = config["system"] if subtask is None else f"{config['system']} {subtask}"
@@ -172,7 +173,13 @@ class Run:
         forget_measurements([self.results, *chains.values()], task, {system, *chains}, seed)
 
     def log(self, env_steps: int, **row: Any) -> None:
-        """Adds a row at `env_steps` and moves the bar."""
+        """Adds a row at `env_steps` and moves the bar.
+
+        Raises:
+            DivergedError: if a loss is no finite number. Neither the row nor anything after it is written: the run goes
+                on from its last checkpoint.
+        """
+        check_losses(row, f"after {env_steps} environment steps of {self.work}")
         now = time.perf_counter()
         steps = env_steps - self.env_steps
         self.seconds, self._clock = self.seconds + now - self._clock, now

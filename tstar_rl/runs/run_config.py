@@ -45,7 +45,9 @@ def read_config(folder: Path) -> dict[str, Any]:
         found = yaml.load(text, LOADER)
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise DamagedConfigError(_damaged(file, " ".join(str(error).split()))) from error
-    if not isinstance(found, dict) or not text.endswith("\n"):
+    versions_of = found.get("versions") if isinstance(found, dict) else None
+    whole = isinstance(versions_of, dict) and "commit" in versions_of  # the last that every run writes
+    if not isinstance(found, dict) or not whole or not text.endswith("\n"):
         raise DamagedConfigError(_damaged(file, "it is empty or cut off"))
     return found
 

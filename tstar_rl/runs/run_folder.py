@@ -100,12 +100,29 @@ def read_run_path(path: Path, root: Path | None = None) -> tuple[Place, Path]:
 
 
 def spent_by(runs: Iterable[Path]) -> dict[str, float]:
-    """Environment steps and minutes of runs that have finished, in all; nan where one has not."""
+    """Environment steps and minutes of runs that have finished, in all; nan where one has not.
+
+    Raises:
+        InvalidValueError: if what one has written when it finished is damaged; it is named.
+    """
     files = [run / FINISHED for run in runs]
     if not all(file.is_file() for file in files):
         return dict.fromkeys(SPENT, math.nan)
-    spent = [json.loads(file.read_text()) for file in files]
+    spent = [_read_spent(file) for file in files]
     return {name: sum(one.get(name, math.nan) for one in spent) for name in SPENT}
+
+
+def _read_spent(file: Path) -> dict[str, float]:
+    try:
+        spent = json.loads(file.read_text())
+    except ValueError:  # a UnicodeDecodeError is one, and so is JSON's own
+        spent = None
+    if not isinstance(spent, dict) or not all(isinstance(value, int | float) for value in spent.values()):
+        raise InvalidValueError(
+            f"{file} is damaged: put it back from a copy, or write {json.dumps(dict.fromkeys(SPENT, 0))} into it, with "
+            "the environment steps and minutes that the run took"
+        )
+    return spent
 
 
 def spent_by_skills(root: str | Path, task: str, recipe: str, seed: int, links: int) -> dict[str, float]:

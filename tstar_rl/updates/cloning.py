@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 from torchrl.modules import ProbabilisticActor
 
-from tstar_rl.checks import check_ranges
+from tstar_rl.checks import check_losses, check_ranges
 from tstar_rl.models.networks import split_policy
 from tstar_rl.updates.minibatches import nearly_equal
 
@@ -44,7 +44,8 @@ def behaviour_cloning(
     What the network's input is made of each observation has no parameters: it is computed once, not in each epoch.
 
     Raises:
-        ValueError: there are not as many actions as observations.
+        ValueError: there are not as many actions as observations, or they are of another size than the policy's.
+        DivergedError: the loss is no finite number.
     """
     if len(observations) != len(actions):
         raise ValueError(
@@ -63,6 +64,10 @@ def behaviour_cloning(
         order = torch.randperm(len(observations), generator=generator, device=device)
         for rows in nearly_equal(order, settings.minibatch):
             loc, _ = body.module(encoded[rows])
+            if loc.shape[1:] != actions.shape[1:]:  # torch would broadcast
+                raise ValueError(
+                    f"actions must be (n, {loc.shape[-1]}), as the policy's are; got {tuple(actions.shape)}"
+                )
             loss = (loc - actions[rows]).square().mean()
             optimizer.zero_grad()
             loss.backward()
@@ -70,4 +75,6 @@ def behaviour_cloning(
             loss_sum, count = loss_sum + loss.detach() * len(rows), count + len(rows)
         if settings.cosine_decay:
             schedule.step()
-    return {"bc_loss": float(loss_sum) / max(count, 1)}
+    log = {"bc_loss": float(loss_sum) / max(count, 1)}
+    check_losses(log, f"after {settings.epochs} epochs of behaviour cloning")
+    return log
