@@ -33,7 +33,7 @@ from tstar_rl.launch.evaluations import check_evaluation
 from tstar_rl.launch.run_folders import of_an_earlier_training, run_folder
 from tstar_rl.rollouts.episodes import evaluate, same_policy
 from tstar_rl.rollouts.recorder import Recorder
-from tstar_rl.runs.csv_tables import append_rows, rows_stay
+from tstar_rl.runs.csv_tables import append_rows, check_table, rows_stay
 from tstar_rl.runs.files import turn_to_write
 from tstar_rl.runs.run_config import note_evaluation
 from tstar_rl.runs.run_folder import SPENT, is_untrained, run_path
@@ -61,6 +61,7 @@ def main(config: DictConfig) -> None:
     """Evaluates, prints the table and adds it to evaluation.csv."""
     results, candidates = _candidates(config, HydraConfig.get().overrides.task)
     check_evaluation(results, plain(config))
+    check_table(file := results / "evaluation.csv")
     rows, policies, films, film = [], {}, [], config.video and config.evaluation.recorded != 0
     for name, (policy, subtask, links, spent) in candidates.items():
         number = config.evaluation.episodes if subtask is not None else config.evaluation.whole_episodes
@@ -83,7 +84,6 @@ def main(config: DictConfig) -> None:
             films += [recorder] if film else []
             env.close()
             film = False  # the first checkpoint's first mode alone
-    file = results / "evaluation.csv"
     check_evaluation(results, plain(config))  # another one may have ended meanwhile
     _forget_older(file, config)
     # First: a table whose world nobody noted would pass for any.

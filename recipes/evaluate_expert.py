@@ -14,7 +14,7 @@ from tstar_rl.config.values import plain
 from tstar_rl.launch.evaluations import check_evaluation
 from tstar_rl.rollouts.episodes import evaluate
 from tstar_rl.rollouts.recorder import Recorder
-from tstar_rl.runs.csv_tables import append_rows
+from tstar_rl.runs.csv_tables import append_rows, check_table
 from tstar_rl.runs.run_config import note_evaluation
 from tstar_rl.runs.run_folder import run_path
 from tstar_rl.seeds import evaluation_seed
@@ -27,6 +27,7 @@ def main(config: DictConfig) -> None:
     for subtask in asked:
         results = run_path(config.results_dir, config.task.name, config.system, config.seed, subtask)
         check_evaluation(results, plain(config))
+        check_table(results / "evaluation.csv")
         number = config.evaluation.whole_episodes if subtask is None else config.evaluation.episodes
         seed = evaluation_seed(config.seed, "deterministic", subtask)
         torch.manual_seed(seed)

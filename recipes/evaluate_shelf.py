@@ -19,7 +19,7 @@ from tstar_rl.config.load import recipe
 from tstar_rl.config.overrides import section_of
 from tstar_rl.config.values import CONFIGS, task_section
 from tstar_rl.rollouts.episodes import evaluate
-from tstar_rl.runs.csv_tables import append_rows
+from tstar_rl.runs.csv_tables import append_rows, check_table
 from tstar_rl.seeds import evaluation_seed
 
 WHOLE = "whole"
@@ -35,6 +35,7 @@ def main(config: DictConfig) -> None:
             f"evaluate_shelf tries every subtask of tasks=[...], all pieces where none is named; got {one[0]}"
         )
     path = Path(config.results_dir) / "shelf_scripted.csv"
+    check_table(path)
     tasks = config.tasks or sorted(file.stem for file in (CONFIGS / "task").glob("*.yaml"))
     sections = {task: task_section(task) for task in tasks}  # a name that is none is told first
     for task, values in sections.items():

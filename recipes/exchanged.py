@@ -26,7 +26,7 @@ from tstar_rl.config.seams import chain_of, env_at_seam
 from tstar_rl.intervals import share_columns
 from tstar_rl.launch.evaluations import check_chain
 from tstar_rl.launch.run_folders import begun_with, check_skills_stay, run_folder
-from tstar_rl.runs.csv_tables import append_rows
+from tstar_rl.runs.csv_tables import append_rows, check_table
 from tstar_rl.runs.run_folder import is_untrained
 from tstar_rl.seams.exchange import exchange_skills
 from tstar_rl.seeds import evaluation_seed
@@ -60,13 +60,14 @@ def main(config: DictConfig) -> None:
     else:
         check_chain(config, config.against)
         before = chain_of(config, config.against)
+    place = Path(config.results_dir) / config.task.name
+    name = "exchanged" if config.against is None else f"exchanged_{config.against.replace('/', '_')}"
+    check_table(place / f"{name}.csv")
     make = partial(env_at_seam, config, evaluation_seed(config.seed, "exchange"))
     rows = []
     for each in exchange_skills(before, after, make, config.evaluation.episodes):
         rows.append(each._asdict() | share_columns("success", each.taken, each.handed))
     chain = {"system": config.system, "seed": config.seed, "checkpoint": config.checkpoint}
-    place = Path(config.results_dir) / config.task.name
-    name = "exchanged" if config.against is None else f"exchanged_{config.against.replace('/', '_')}"
     table = append_rows(
         place / f"{name}.csv",
         [chain | row for row in rows],

@@ -22,7 +22,7 @@ from tstar_rl.config.seams import chain_of, env_at_seam
 from tstar_rl.intervals import share_columns
 from tstar_rl.launch.evaluations import check_chain
 from tstar_rl.rollouts.state_sets import TerminationSet
-from tstar_rl.runs.csv_tables import append_rows
+from tstar_rl.runs.csv_tables import append_rows, check_table
 from tstar_rl.seams.exchange import run_from
 from tstar_rl.seeds import evaluation_seed
 
@@ -32,9 +32,10 @@ def main(config: DictConfig) -> None:
     """Tries every chain, writes and prints the table."""
     for system in config.systems:
         check_chain(config, system)
+    path = Path(config.results_dir) / config.task.name / "hand_over.csv"
+    check_table(path)
     chains = {system: chain_of(config, system) for system in config.systems}  # before any is measured
     rows = [row for system, skills in chains.items() for row in _follow(config, system, skills)]
-    path = Path(config.results_dir) / config.task.name / "hand_over.csv"
     table = append_rows(path, rows, ("system", "seed", "checkpoint"))
     print(table.round(3).to_string(index=False))
     chosen = table[table.checkpoint == config.checkpoint]

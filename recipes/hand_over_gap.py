@@ -39,7 +39,7 @@ from tstar_rl.launch.evaluations import check_chain
 from tstar_rl.rollouts.episodes import run_episodes
 from tstar_rl.rollouts.hand_overs import HandOver, HandOvers
 from tstar_rl.rollouts.state_sets import TerminationSet
-from tstar_rl.runs.csv_tables import append_rows
+from tstar_rl.runs.csv_tables import append_rows, check_table
 from tstar_rl.seams.exchange import run_from
 from tstar_rl.seams.influence import Influence, influence_of
 from tstar_rl.seams.off_starts import off_starts
@@ -67,6 +67,8 @@ def main(config: DictConfig) -> None:
     if config.split_by not in (None, *(names := input_names(parts))):
         near = ", ".join(difflib.get_close_matches(config.split_by, names, n=3)) or ", ".join(names)
         raise InvalidValueError(f"split_by must be null or an input such as {near}; got {config.split_by!r}")
+    for name in ("hand_over_gap.csv", "seams.csv"):
+        check_table(place / name)
     alone = [_run_alone(config, index, skill) for index, skill in enumerate(skills)]
     own, starts = zip(*alone, strict=True)
     found = _influences(config, skills) if config.influence_starts else [None] * (len(skills) - 1)

@@ -19,7 +19,7 @@ from tstar_rl.env.task_tables import joined_parts
 from tstar_rl.launch.evaluations import check_chain
 from tstar_rl.launch.run_folders import run_folder
 from tstar_rl.rollouts.episodes import run_episodes
-from tstar_rl.runs.csv_tables import append_rows
+from tstar_rl.runs.csv_tables import append_rows, check_table
 from tstar_rl.seams.moved_parts import MovedParts, success_by_moved
 from tstar_rl.seeds import evaluation_seed
 
@@ -28,13 +28,13 @@ from tstar_rl.seeds import evaluation_seed
 def main(config: DictConfig) -> None:
     """Runs the chain and writes its table; prints how often each skill succeeds, with its part moved and not."""
     check_chain(config, config.system)
+    check_table(path := run_folder(config, "results_dir") / "moved_parts.csv")
     skills, number = chain_of(config, config.system), config.evaluation.whole_episodes
     watch = MovedParts(joined_parts(config.task.name, len(skills)))
     env = environment(config, None, number, evaluation_seed(config.seed, "moved_parts"))
     with set_exploration_type(ExplorationType.DETERMINISTIC):
         run_episodes(env, ChainPolicy(skills).to(config.device), watch, enough=len(skills))
     env.close()
-    path = run_folder(config, "results_dir") / "moved_parts.csv"
     table = watch.table().assign(checkpoint=config.checkpoint)
     append_rows(path, table.to_dict("records"), ("checkpoint",))
     print(success_by_moved(table, config.from_metres, config.from_degrees).round(3).to_string())

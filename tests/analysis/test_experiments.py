@@ -16,6 +16,7 @@ from tstar_rl.analysis import (
     product_of_skills,
     read_experiment,
 )
+from tstar_rl.checks import InvalidValueError
 
 PAIRS = [("tstar", "buffer"), ("tstar", "not_run")]
 
@@ -54,6 +55,12 @@ def test_arms_are_read_with_their_seeds_and_commits(two_arms):
     assert set(experiment.skills["arm"]) == {"skills"} and "skills" not in set(rows["arm"])
     sampled = experiment.chosen("table", mode="stochastic")
     assert (sampled["progress"] == 0).all() and len(sampled) == 4
+    with pytest.raises(InvalidValueError, match="has the tasks table; got 'tabel'; did you mean table"):
+        experiment.chosen("tabel")
+    with pytest.raises(
+        InvalidValueError, match="mode must be one of deterministic, stochastic; got 'sampled'"
+    ):
+        experiment.chosen("table", mode="sampled")
 
 
 def test_the_table_of_arms_by_hand(two_arms):
@@ -70,7 +77,10 @@ def test_the_table_of_arms_by_hand(two_arms):
 
 def test_comparisons_are_paired_by_seed(two_arms):
     write_arm(two_arms, "tstar", 7, [0.0, 0.0])  # a seed that the other arm does not have
-    found = compare_arms(read_experiment(two_arms).chosen("table"), PAIRS)
+    rows = read_experiment(two_arms).chosen("table")
+    with pytest.raises(InvalidValueError, match="what is compared has no arm not_run; it has buffer, tstar"):
+        compare_arms(rows, PAIRS)
+    found = compare_arms(rows, PAIRS, absent_ok=True)
     assert found[["first", "second", "seeds"]].to_numpy().tolist() == [["tstar", "buffer", 2]]
     row = found.iloc[0]
     # Differences .95 - .75 and .85 - .6: mean .225, deviation .05 / sqrt(2), t of one degree 12.706.

@@ -93,6 +93,23 @@ def test_the_same_generator_gives_the_same_interval():
     assert interquartile_interval(scores, rng()) != interquartile_interval(scores, np.random.default_rng(1))
 
 
+@pytest.mark.parametrize(
+    "statistic",
+    [
+        ours.interquartile_mean,
+        lambda values: ours.probability_of_improvement(values, [0.5]),
+        lambda values: ours.probability_of_improvement([0.5], values),
+        lambda values: ours.performance_profile(values, [0.5]),
+        lambda values: improvement_over_tasks([[values]], [[[1.0]]], rng()),
+        lambda values: interquartile_interval([values], rng()),
+    ],
+)
+def test_what_is_no_number_is_refused_and_not_left_out_or_counted_as_a_loss(statistic):
+    for value in (np.nan, np.inf):
+        with pytest.raises(ValueError, match=f"statistics need finite numbers, got {value}"):
+            statistic([0.1, value, 0.3, 0.4])
+
+
 def test_no_seed_or_no_episode_is_refused():
     for scores in ([], [[]]):
         with pytest.raises(ValueError, match="at least one seed, and at least one episode"):

@@ -100,6 +100,26 @@ def test_a_chain_is_not_evaluated_as_one_of_another_world(skills, say, tmp_path)
     assert "0.9" in table.read_text() and [path.name for path in table.parent.iterdir()] == [table.name]
 
 
+@pytest.mark.parametrize(
+    ("recipe", "table"), [("evaluate", "tstar/seed5/evaluation.csv"), ("hand_over", "hand_over.csv")]
+)
+def test_a_damaged_table_is_told_before_anything_is_measured(
+    skills, say, tmp_path, monkeypatch, recipe, table
+):
+    save_chain(skills, tmp_path / f"runs/table_lack/tstar/seed{SEED}/last", env=WORLD)
+    path = tmp_path / "results/table_lack" / table
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text("seed,success\n0,0.")
+    monkeypatch.setattr(furniture_env, "FurnitureEnv", None)  # no episode can be run
+    values = [f"{place}_dir={tmp_path / place}" for place in ("results", "runs")]
+    system = "system=tstar" if recipe == "evaluate" else "systems=[tstar]"
+    said = (
+        (*SETTINGS[2:], "+env.max_steps=20") if recipe == "evaluate" else (SETTINGS[-1], "+env.max_steps=20")
+    )
+    assert f"{path} is damaged (its last line has no end)" in say(recipe, system, *said, *values)
+    assert path.read_text() == "seed,success\n0,0."
+
+
 def test_skills_of_another_file_of_furniture_are_refused(skills, say, tmp_path):
     save_chain(skills, tmp_path / f"runs/table_lack/tstar/seed{SEED}/last", env=WORLD, furniture="0" * 64)
     values = [f"{place}_dir={tmp_path / place}" for place in ("results", "runs")]

@@ -89,7 +89,8 @@ def ablation_finding(rows: pd.DataFrame) -> str:
     for task, part in rows.groupby("task"):
         count = part["seed"].nunique()
         lines.append(f"{task}, {count} seed{'s' * (count > 1)}, differences in progress:")
-        for row in compare_arms(as_arms(part), [pair for pair in pairs if pair[0] != pair[1]]).itertuples():
+        compared = [pair for pair in pairs if pair[0] != pair[1]]
+        for row in compare_arms(as_arms(part), compared, absent_ok=True).itertuples():
             ends = outer_ends(row.difference, row.low, row.high, row.t_half)
             span = signed_interval(row.difference, *ends)
             seeds = f" ({row.seeds} of them)" if int(row.seeds) < count else ""

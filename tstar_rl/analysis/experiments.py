@@ -24,7 +24,8 @@ from tstar_rl.analysis.tables import (
     short_commit,
 )
 from tstar_rl.analysis.task_statistics import improvement_over_tasks, interquartile_interval
-from tstar_rl.checks import InvalidValueError
+from tstar_rl.checks import InvalidValueError, did_you_mean
+from tstar_rl.config.limits import MODES
 
 __all__ = [
     "Experiment",
@@ -63,7 +64,17 @@ class Experiment:
         return sorted(set(self.arms["task"])) if len(self.arms) else []
 
     def chosen(self, task: str, checkpoint: str = "last", mode: str = "deterministic") -> pd.DataFrame:
-        """A row for each arm and seed."""
+        """A row for each arm and seed; none where a checkpoint or a mode was not evaluated.
+
+        Raises:
+            InvalidValueError: for an unknown mode, or a task that has no run here.
+        """
+        if mode not in MODES:
+            raise InvalidValueError(f"mode must be one of {', '.join(MODES)}; got {mode!r}")
+        if self.tasks and task not in self.tasks:
+            raise InvalidValueError(
+                f"{self.root} has the tasks {', '.join(self.tasks)}; got {task!r}{did_you_mean(task, self.tasks)}"
+            )
         rows = self.arms[(self.arms["task"] == task) & (self.arms["checkpoint"] == checkpoint)]
         return rows[rows["mode"] == mode].sort_values(["arm", "seed"], ignore_index=True)
 
@@ -116,7 +127,9 @@ def check_arms(task: str, asked: Iterable[str], there: Iterable[str]) -> None:
     """Raises InvalidValueError for an arm that is asked for and that the task does not have."""
     there = list(there)
     if unknown := sorted(set(asked) - set(there)):
-        raise InvalidValueError(f"{task} has no arm {', '.join(unknown)}; it has {', '.join(there)}")
+        raise InvalidValueError(
+            f"{task} has no arm {', '.join(unknown)}; it has {', '.join(there)}{did_you_mean(unknown[0], there)}"
+        )
 
 
 def arm_scores(rows: pd.DataFrame) -> dict[str, dict[int, NDArray[np.floating]]]:
@@ -149,19 +162,26 @@ def arm_table(rows: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame.from_dict(lines, orient="index").rename_axis("arm")
 
 
-def compare_arms(rows: pd.DataFrame, pairs: Iterable[Sequence[str]]) -> pd.DataFrame:
+def compare_arms(rows: pd.DataFrame, pairs: Iterable[Sequence[str]], absent_ok: bool = False) -> pd.DataFrame:
     """Differences in progress of pairs of arms, paired by seed; pairs without a common seed are left out.
 
     Args:
         rows: see `arm_table`.
         pairs: (first, second): the difference is first minus second.
+        absent_ok: leaves out pairs with an arm that is not there, as of an experiment that is under way.
 
     Returns:
         Columns first, second, seeds, difference, low, high (bootstrap), t_half and p_value (Student's t), improvement
         (probability that a seed of the first beats one of the second), improvement_low, improvement_high, won (on how
         many seeds the first has more than the second) and verdict.
+
+    Raises:
+        InvalidValueError: for an arm that is not there, unless that is allowed.
     """
     scores, lines = {arm: _kept(seeds) for arm, seeds in arm_scores(rows).items()}, []
+    pairs = [tuple(pair) for pair in pairs]
+    if not absent_ok:
+        check_arms("what is compared", {arm for pair in pairs for arm in pair}, scores)
     for first, second in pairs:
         line = _compare(scores.get(first, ()), scores.get(second, ()))
         if line:

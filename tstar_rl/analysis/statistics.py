@@ -51,7 +51,7 @@ def interquartile_mean(values: ArrayLike) -> Array:
 
     Source: Agarwal et al. 2021, section 4.3.
     """
-    ordered = np.sort(np.asarray(values, dtype=float), axis=-1)
+    ordered = np.sort(_numbers(values), axis=-1)
     if not ordered.shape[-1]:
         raise ValueError("the interquartile mean needs at least one value, got none")
     cut = ordered.shape[-1] // 4
@@ -71,7 +71,7 @@ def resampled_means(scores: Scores, chosen: NDArray[np.int64], rng: np.random.Ge
     """
     means = np.empty(chosen.shape)
     for index, episodes in enumerate(scores):
-        values, counts = np.unique(np.asarray(episodes, dtype=float), return_counts=True)
+        values, counts = np.unique(_numbers(episodes), return_counts=True)
         here, number = chosen == index, counts.sum()
         means[here] = rng.multinomial(number, counts / number, size=int(here.sum())) @ values / number
     return means.round(DIGITS)
@@ -92,7 +92,15 @@ def seed_means(scores: Scores) -> Array:
     """(seeds,) mean score of each seed."""
     if not len(scores) or any(not np.size(episodes) for episodes in scores):
         raise ValueError("statistics need at least one seed, and at least one episode of each")
-    return np.array([np.mean(np.asarray(episodes, dtype=float)) for episodes in scores]).round(DIGITS)
+    return np.array([np.mean(_numbers(episodes)) for episodes in scores]).round(DIGITS)
+
+
+def _numbers(values: ArrayLike) -> Array:
+    """The values as floats. A NaN would be sorted out of a mean, or count as a loss, without a word."""
+    numbers = np.asarray(values, dtype=float)
+    if not np.isfinite(numbers).all():
+        raise ValueError(f"statistics need finite numbers, got {numbers[~np.isfinite(numbers)][0]}")
+    return numbers
 
 
 def interval_ends(draws: Array) -> tuple[float, float]:
@@ -106,7 +114,7 @@ def probability_of_improvement(first: ArrayLike, second: ArrayLike) -> Array:
 
     Source: Mann and Whitney 1947: U / (n m); Agarwal et al. 2021, section 4.3.
     """
-    x, y = (np.asarray(values, dtype=float) for values in (first, second))
+    x, y = _numbers(first), _numbers(second)
     pairs = x[..., :, None] - y[..., None, :]
     return ((pairs > 0) + 0.5 * (pairs == 0)).mean((-2, -1))
 
@@ -116,5 +124,5 @@ def performance_profile(values: ArrayLike, thresholds: ArrayLike) -> Array:
 
     Source: Agarwal et al. 2021, section 4.2 (score distribution).
     """
-    found = np.asarray(values, dtype=float)[..., None] > np.asarray(thresholds, dtype=float)
+    found = _numbers(values)[..., None] > np.asarray(thresholds, dtype=float)
     return found.mean(-2)

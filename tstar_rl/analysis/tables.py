@@ -201,7 +201,7 @@ def episode_progress(row: pd.Series) -> NDArray[np.floating]:
     completed = np.round(shares * number).astype(int)
     if not len(completed) or (np.diff(completed) > 0).any():
         raise ValueError(f"shares of completed subtasks must not rise along the task, got {shares.tolist()}")
-    if abs(completed.mean() / number - row["progress"]) > 0.5 / number:
+    if not abs(completed.mean() / number - row["progress"]) <= 0.5 / number:  # NaN is none
         raise ValueError(f"progress {row['progress']} is not the mean of the shares {shares.tolist()}")
     exactly = -np.diff([number, *completed, 0])
     return np.repeat(np.arange(len(completed) + 1) / len(completed), exactly)

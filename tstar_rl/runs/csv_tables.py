@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from tstar_rl.checks import UserError
 from tstar_rl.runs.files import append_text, replacing, turn_to_write
 
-__all__ = ["LogError", "MetricsLog", "append_rows", "read_table", "rows_stay", "write_table"]
+__all__ = ["LogError", "MetricsLog", "append_rows", "check_table", "read_table", "rows_stay", "write_table"]
 
 
 class LogError(UserError, ValueError):
@@ -142,6 +142,12 @@ def append_rows(path: str | Path, rows: list[dict[str, Any]], key: tuple[str, ..
             new = pd.concat([old[~same], new], ignore_index=True) if not same.all() else new
         _replace(path, new.to_csv(index=False))
     return new
+
+
+def check_table(path: str | Path) -> None:
+    """Raises a LogError if a table is there and damaged: asked by a recipe before it measures what goes into it."""
+    if Path(path).is_file():
+        read_table(path)
 
 
 def rows_stay(path: str | Path, rows: list[dict[str, Any]], key: tuple[str, ...]) -> bool:

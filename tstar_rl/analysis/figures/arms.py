@@ -112,7 +112,7 @@ def differences_figure(
         labels: of arms.
         said: what a pair is called; the others by their two arms.
     """
-    table, named, called = compare_arms(rows, pairs), labels or {}, said or {}
+    table, named, called = compare_arms(rows, pairs, absent_ok=True), labels or {}, said or {}
     if table.empty:
         return message("no two arms have a seed in common")
     by_seed = rows.pivot_table(index="seed", columns="arm", values="progress", observed=True)

@@ -22,7 +22,7 @@ SMALL = 0.05
 
 def choice_table(experiment: Experiment, paper: Paper, entry: Entry, task: str) -> str:
     """The differences of `entry.choices` on the seeds that both arms have; nothing if none shares a seed."""
-    found = compare_arms(ordered(experiment, paper, task), tuple(entry.choices.values()))
+    found = compare_arms(ordered(experiment, paper, task), tuple(entry.choices.values()), absent_ok=True)
     rows = {(row.first, row.second): row for row in found.itertuples()}
     lines = []
     for said, pair in entry.choices.items():
@@ -46,7 +46,7 @@ def choice_table(experiment: Experiment, paper: Paper, entry: Entry, task: str) 
 def draw_choices(experiment: Experiment, paper: Paper, entry: Entry, task: str, figures: Path) -> list[Path]:
     """The same as a figure, which the notes show, if anything was chosen: a dot for each seed, with both intervals."""
     rows = ordered(experiment, paper, task)
-    if not entry.choices or compare_arms(rows, tuple(entry.choices.values())).empty:
+    if not entry.choices or compare_arms(rows, tuple(entry.choices.values()), absent_ok=True).empty:
         return []
     said = {pair: fill(words.replace("**", ""), WIDTH) for words, pair in entry.choices.items()}
     figure = differences_figure(rows, list(said), said=said)

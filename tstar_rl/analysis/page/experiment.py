@@ -158,7 +158,7 @@ def short_table(
 def comparison_table(experiment: Experiment, paper: Paper, entry: Entry, task: str) -> str:
     """The compared pairs of a task; nothing if none shares a seed."""
     lines = []
-    found = compare_arms(ordered(experiment, paper, task), entry.pairs)
+    found = compare_arms(ordered(experiment, paper, task), entry.pairs, absent_ok=True)
     corrected = _corrected(found, entry)
     for row in found.itertuples():
         better = (row.improvement, row.improvement_low, row.improvement_high)
@@ -179,7 +179,7 @@ def answers(experiment: Experiment, paper: Paper, entry: Entry, task: str) -> st
     asked = [one for one in entry.questions if task in (one.tasks or (task,))]
     if not asked:
         return ""
-    found = compare_arms(ordered(experiment, paper, task), entry.pairs)
+    found = compare_arms(ordered(experiment, paper, task), entry.pairs, absent_ok=True)
     corrected = _corrected(found, entry)
     if len(found):
         found["corrected"] = [
@@ -241,7 +241,7 @@ def draw_experiment(experiment: Experiment, paper: Paper, entry: Entry, figures:
                 arms_figure(rows, called, entry.figure_arms), figures / f"{entry.prefix}{task}_arms.png"
             )
         )
-        if len(compare_arms(rows, entry.pairs)):
+        if len(compare_arms(rows, entry.pairs, absent_ok=True)):
             drawn = differences_figure(rows, entry.pairs, called)
             found.append(save_figure(drawn, figures / f"{entry.prefix}{task}_differences.png"))
     return found

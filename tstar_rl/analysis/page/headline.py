@@ -61,7 +61,7 @@ class Headline:
         """A row of the right half; `rows` are those of the figure's own experiment."""
         folder, pair = self.beside.get(words, self.folder), self.differences[words]
         of = rows if folder == self.folder else read_experiment(folder).chosen(self.task)
-        found = compare_arms(of, [pair])
+        found = compare_arms(of, [pair], absent_ok=True)
         if found.empty:
             raise InvalidValueError(
                 f"headline: {words!r} needs a seed of {self.task} that {' and '.join(pair)} of {folder} both have"
