@@ -23,7 +23,7 @@ from omegaconf.errors import OmegaConfBaseException
 from tqdm import tqdm
 
 from tstar_rl.checks import InvalidValueError, NothingToDo, UserError
-from tstar_rl.config.mistakes import Check, in_words, must_be, options
+from tstar_rl.config.mistakes import Check, in_words, refused_choice
 
 __all__ = ["command_line", "of_the_disk", "told_in_words"]
 
@@ -78,7 +78,8 @@ def command_line(body: Body, configs: Path, name: str, check: Check) -> Callable
         if os.environ.get(FULL_ERROR) == "1":
             return start(body)
         _check_dashes()
-        _check_groups(configs)
+        if wrong := refused_choice(sys.argv[1:], configs):
+            raise SystemExit(f"{wrong}\n{HINT}")
         helps = bool({"--help", "-h"} & set(sys.argv[1:]))
         os.environ[FULL_ERROR] = "1"  # Hydra then raises what it would print in its own words
         try:
@@ -174,12 +175,3 @@ def _check_dashes() -> None:
         value = "..." if not following or "=" in following or following.startswith("-") else following
     told = f"{unknown[0]} is no option: values are given without dashes, {name}={value}"
     raise SystemExit(f"{told}\n{HINT}")
-
-
-def _check_groups(configs: Path) -> None:
-    """Ends the process where the command line gives a group of configs no file of it, which Hydra has no words for."""
-    for text in sys.argv[1:]:
-        group, given, option = text.partition("=")
-        if given and option.strip() in ("", "null") and group and (configs / group).is_dir():
-            said = must_be(group, options(configs, group))
-            raise SystemExit(f"{said}, got {option.strip() or 'nothing'}\n{HINT}")

@@ -12,7 +12,7 @@ from omegaconf.errors import OmegaConfBaseException
 from tstar_rl.checks import InvalidValueError, did_you_mean
 from tstar_rl.config.check import ConfigError
 from tstar_rl.config.load import check_config
-from tstar_rl.config.mistakes import in_words
+from tstar_rl.config.mistakes import in_words, refused_choice
 from tstar_rl.config.values import CONFIGS
 
 __all__ = ["compose"]
@@ -36,6 +36,8 @@ def compose(recipe: str, *values: str) -> DictConfig:
         raise InvalidValueError(
             f"no recipe is called {recipe!r}: {', '.join(known)}{did_you_mean(recipe, known)}"
         )
+    if wrong := refused_choice(values, CONFIGS):
+        raise ConfigError(wrong)
     around = GlobalHydra.instance().hydra  # of a program that has configs of its own
     GlobalHydra.instance().clear()
     try:

@@ -21,7 +21,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from tstar_rl.checks import UserError, did_you_mean
 
-__all__ = ["Check", "in_words", "must_be", "options"]
+__all__ = ["Check", "in_words", "refused_choice"]
 
 Check = Callable[[DictConfig], None]
 
@@ -47,6 +47,9 @@ def in_words(
             f"cannot read {error.override!r}: write key=value, lists as [1,2], null for nothing, and a value with "
             """other characters in quotes: "key='a=b,c'\""""
         )
+    if several := re.match(r"Ambiguous value for argument '([^=]+)=(.*?)' 1\.", text):
+        listed = f"where a list is asked for it is written [{several[2]}]"
+        return f"{several[1]} must be one value, got {several[2]}; {listed}"
     unknown = re.match(r"Could not override '([^']+)'", text)
     if unknown:
         return _unknown_key(unknown[1], configs, name, check, given)
@@ -57,6 +60,22 @@ def in_words(
 def options(configs: Path, group: str) -> list[str]:
     """The files of a group of configs, by name."""
     return sorted(path.stem for path in (configs / group).glob("*.yaml"))
+
+
+def refused_choice(given: Sequence[str], configs: Path) -> str | None:
+    """What is wrong with a value that gives a group of configs no name of a file; None: nothing.
+
+    Hydra has no words for nothing and for a number, and of a list of files it would take what the last says of each.
+    Ablations alone may be several.
+    """
+    for text in given:
+        group, equals, option = text.partition("=")
+        name = re.fullmatch(r"(['\"]?)[^\W\d][\w./-]*\1", option.strip())
+        no_word = name is None or option.strip().lower() in ("null", "true", "false")
+        listed = group == "ablation" and option.strip().startswith("[")
+        if equals and group and (configs / group).is_dir() and no_word and not listed:
+            return f"{must_be(group, options(configs, group))}, got {option.strip() or 'nothing'}"
+    return None
 
 
 def must_be(group: str, valid: list[str]) -> str:

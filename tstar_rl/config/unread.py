@@ -132,6 +132,8 @@ def _check_demonstrations(made: Mapping[str, Any], name: str) -> None:
 
 def _check_rewards(values: Mapping[str, Any], name: str) -> None:
     weights, reward = values["reward"].get("weights") or {}, values["terminal_reward"]
+    if not isinstance(weights, Mapping):
+        raise ConfigError(f"reward.weights must be null or a section, {{<term>: <weight>}}; got {weights!r}")
     if name == "ppo" and weights.get("gail"):
         raise ConfigError(
             f"reward.weights.gail must be 0 for ppo, which makes no such reward; gail_ppo does; got {weights['gail']}"
@@ -186,7 +188,11 @@ def _check_normalizer(values: Mapping[str, Any], name: str) -> None:
 
 def _check_entropy(values: Mapping[str, Any], name: str) -> None:
     """Refuses a bonus for an entropy that nothing changes."""
-    if name not in (*ONE_POLICY, *FINE_TUNING) or name in WITHOUT_PPO or values["networks"]["std"] != "fixed":
+    if (
+        name not in (*ONE_POLICY, *FINE_TUNING)
+        or name in WITHOUT_PPO
+        or values["networks"].get("std") != "fixed"
+    ):
         return
     key, asked = "ppo", values["ppo"]
     if name in FINE_TUNING and "entropy_coeff" in values["chain"]["ppo"]:

@@ -42,6 +42,8 @@ def _check_turns(values: Mapping[str, Any], name: str) -> None:
     if name != "in_order_cloned":  # which learns from no rollout
         rollouts, _ = turn_shape(values)
         warm_up = {**values["ppo"], **chain["ppo"]}.get("critic_warmup", 0)
+        if not isinstance(warm_up, int):
+            raise ConfigError(f"critic_warmup must be a whole number, got {warm_up!r}")
         check_that_policies_learn(warm_up, rollouts, chain["rounds"], chain["carry_over"], chain["order"])
 
 
