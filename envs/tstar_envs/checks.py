@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import numbers
+import reprlib
 from typing import Any
 
 
@@ -15,10 +16,15 @@ def is_finite(value: float) -> bool:
         return False
 
 
+_PART = reprlib.Repr()
+_PART.maxlevel, _PART.maxstring, _PART.maxother, _PART.maxlong = 3, 60, 60, 60
+_PART.maxlist = _PART.maxtuple = _PART.maxdict = _PART.maxset = 8
+
+
 def short(value: Any) -> str:
-    """What a message shows of a value."""
+    """What a message shows of a value: of a list of lists no more than is shown, though it be endless."""
     try:
-        text = repr(value)
+        text = _PART.repr(value)
     except ValueError:  # a whole number of more digits than Python prints
         return "a very long number"
     return text if len(text) <= 60 else text[:57] + "..."

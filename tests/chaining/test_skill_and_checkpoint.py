@@ -8,10 +8,12 @@ from spirl_agent import make_agent
 from tensordict import TensorDict
 from torchrl.envs import ExplorationType, set_exploration_type
 
+import tstar_envs
 from tstar_rl.chaining.chain import ChainPolicy, chain_folders, load_chain
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.checks import InvalidValueError, MissingFileError
 from tstar_rl.config.build import load_skill
+from tstar_rl.env.task_tables import observation_dim
 from tstar_rl.models.draws import generators_stay
 from tstar_rl.models.network_settings import NetworkSettings
 from tstar_rl.runs import checkpoint
@@ -44,6 +46,26 @@ def test_what_a_run_goes_on_from_is_no_skill(tmp_path, load):
     told = "what a run goes on from: what it has trained lies beside its checkpoints"
     with pytest.raises((InvalidValueError, MissingFileError), match=told):
         load(checkpoint.latest(tmp_path))
+
+
+def test_a_skill_reads_the_observations_of_its_piece():
+    sizes = {name: Skill(name, 0, SMALL).obs_dim for name in tstar_envs.names()}
+    assert sizes == {name: observation_dim(name) for name in sizes} and len(set(sizes.values())) > 1
+    assert Skill("push", 0, SMALL, obs_dim=10).obs_dim == 10
+    with pytest.raises(
+        InvalidValueError, match="obs_dim must be given for 'push', which is no piece of furniture"
+    ):
+        Skill("push", 0, SMALL)
+
+
+def test_a_skill_of_a_newer_version_is_refused_by_what_is_not_known(tmp_path, monkeypatch):
+    built = Skill.built
+    monkeypatch.setattr(Skill, "built", lambda skill: built(skill) | {"settings": {"depth": 3}})
+    Skill("table_lack", 0, SMALL).save(tmp_path / "newer")
+    with pytest.raises(
+        CheckpointMismatchError, match="newer: the networks have a setting depth, which this version"
+    ):
+        Skill.load(tmp_path / "newer")
 
 
 def test_a_skill_of_another_task_is_refused(tmp_path):

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from tstar_rl.config.values import CONFIGS
 from tstar_rl.launch.children import child, end_children, run_child
 from tstar_rl.launch.side_by_side import run_recipe, run_side_by_side
 from tstar_rl.runs.run_folder import RECIPES
@@ -53,6 +54,23 @@ def wait_for(*files: Path) -> list[int]:
             return [int(number) for number in found]
         time.sleep(0.05)
     raise AssertionError(f"only {os.listdir(files[0].parent)}")
+
+
+def test_a_folder_of_configs_is_known_to_what_a_recipe_starts(tmp_path):
+    (tmp_path / "mine/recipe").mkdir(parents=True)
+    (tmp_path / "mine/recipe/outer.yaml").write_text("value: 1\n")
+    (tmp_path / "inner.py").write_text("import sys\nprint(*sys.argv[1:])\n")
+    script = tmp_path / "outer.py"
+    script.write_text(
+        "import hydra\nfrom pathlib import Path\nfrom tstar_rl.launch import side_by_side\n"
+        "side_by_side.RECIPES = Path(__file__).parent\n"
+        f"@hydra.main(version_base='1.3', config_path='{CONFIGS}', config_name='recipe/outer')\n"
+        "def main(config):\n    side_by_side.run_recipe(('inner', 'a=2'), ['b=3'])\n"
+        "main()\n"
+    )
+    command = [sys.executable, str(script), "--config-dir", "mine"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == [f"--config-dir={tmp_path / 'mine'}", "b=3", "a=2"]
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, -signal.SIGINT)])

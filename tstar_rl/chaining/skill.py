@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +10,7 @@ import torch
 from torch import nn
 
 from tstar_rl.checks import InvalidValueError, did_you_mean
-from tstar_rl.env.layout import observation_size
+from tstar_rl.env.task_tables import is_piece, observation_dim
 from tstar_rl.models.draws import generators_stay
 from tstar_rl.models.network_settings import ACTIVATIONS, NetworkSettings
 from tstar_rl.models.networks import Discriminator, make_discriminator, make_policy, make_value
@@ -20,6 +20,7 @@ from tstar_rl.models.return_scale import ReturnScale
 from tstar_rl.rollouts.labelled_sets import ApproachSet, OutcomeSet
 from tstar_rl.rollouts.state_sets import InitiationSet, StateSet, TerminationSet
 from tstar_rl.runs import checkpoint
+from tstar_rl.runs.mismatch import CheckpointMismatchError
 from tstar_rl.runs.saved_kinds import ONE_SKILL, kind_of
 
 __all__ = ["Skill"]
@@ -47,12 +48,13 @@ class Skill:
         settings: sizes of the networks.
         features: geometry of the subtask (`env.task_tables.subtask_geometry`), if the settings ask for features.
         capacity: of each set.
-        obs_dim: numbers in an observation of the task; the default is that of furniture of five parts.
+        obs_dim: numbers in an observation; None: as many as the piece of furniture called `task` has.
         actions: how many numbers of an action move the arm, and how many come after these: the first have the
             deviation action_std, the others hand_std. The default is that of the furniture.
 
     Raises:
-        ValueError: if the settings ask for features and there is no geometry.
+        ValueError: if the settings ask for features and there is no geometry; if there is no such piece of furniture,
+            and obs_dim is not given.
     """
 
     def __init__(
@@ -62,11 +64,12 @@ class Skill:
         settings: NetworkSettings,
         features: dict[str, Any] | None = None,
         capacity: int = 4096,
-        obs_dim: int = observation_size(5),
+        obs_dim: int | None = None,
         actions: tuple[int, int] = (7, 2),
     ) -> None:
         if settings.features and features is None:
             raise ValueError("the settings ask for features, but no geometry was given for them")
+        obs_dim = _obs_dim_of(task) if obs_dim is None else obs_dim
         self.task, self.subtask, self.settings, self.obs_dim = task, subtask, settings, obs_dim
         self.actions = actions
         self.geometry = features if settings.features else None
@@ -204,7 +207,17 @@ class Skill:
 
     @classmethod
     def from_built(cls, task: str, subtask: int | None, built: Mapping[str, Any]) -> "Skill":
-        """A new skill of the sizes of the one that said `built`; without a capacity its sets are of one state."""
+        """A new skill of the sizes of the one that said `built`; without a capacity its sets are of one state.
+
+        Raises:
+            CheckpointMismatchError: if its networks have a setting that this version does not know.
+        """
+        known = {field.name for field in fields(NetworkSettings)}
+        if unknown := sorted(set(built["settings"]) - known):
+            raise CheckpointMismatchError(
+                f"the networks have a setting {unknown[0]}, which this version of tstar_rl does not know: a newer one "
+                "saved them"
+            )
         return cls(
             task,
             subtask,
@@ -226,7 +239,8 @@ class Skill:
 
         Raises:
             FileNotFoundError: if there is none.
-            CheckpointMismatchError: if what is `expected` (task=..., subtask=...) is not what it was saved with.
+            CheckpointMismatchError: if what is `expected` (task=..., subtask=...) is not what it was saved with, or a
+                newer version saved it.
             InvalidValueError: if something else is saved there.
         """
         record = checkpoint.read_record(path, **expected)
@@ -234,6 +248,15 @@ class Skill:
             raise InvalidValueError(
                 f"{path} is {kind}; a chain is made of skills of bc, ppo, gail or gail_ppo"
             )
-        skill = cls.from_built(record["task"], record["subtask"], record["built"])
+        try:
+            skill = cls.from_built(record["task"], record["subtask"], record["built"])
+        except CheckpointMismatchError as error:
+            raise CheckpointMismatchError(f"{path}: {error}") from error
         checkpoint.load(path, {"skill": skill}, **expected)
         return skill
+
+
+def _obs_dim_of(task: str) -> int:
+    if not is_piece(task):
+        raise InvalidValueError(f"obs_dim must be given for {task!r}, which is no piece of furniture here")
+    return observation_dim(task)

@@ -22,6 +22,7 @@ __all__ = [
     "DEFAULT_SETTINGS",
     "check_task",
     "furniture_digest",
+    "is_piece",
     "joined_parts",
     "observation_dim",
     "part_names",
@@ -39,6 +40,11 @@ def check_task(name: str, subtasks: int, settings: Mapping[str, Any]) -> None:
     TaskSettings.from_mapping(settings)
     if (steps := len(library.load(name).steps)) != subtasks:
         raise ValueError(f"task.subtasks of {name} must be {steps}, the steps of its recipe, got {subtasks}")
+
+
+def is_piece(task: str) -> bool:
+    """Whether a piece of furniture of that name is known."""
+    return task in library.names()
 
 
 def observation_dim(task: str) -> int:

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from functools import partial
 
 from tstar_rl.launch.children import child
+from tstar_rl.launch.overrides import config_folders
 from tstar_rl.launch.side_by_side import Step
 from tstar_rl.rollouts.cluster import RETRIES, ClusterSettings, connect, resources
 from tstar_rl.runs.run_folder import RECIPES
@@ -40,7 +41,12 @@ def run_on_cluster(
     """
     ray = connect(settings, workers)
     name, *own = step
-    values = [*shared, *own, "progress_bar=false"]  # bars of several nodes on one screen cannot be read
+    values = [
+        *config_folders(),
+        *shared,
+        *own,
+        "progress_bar=false",
+    ]  # bars of several nodes on one screen cannot be read
     script = str(RECIPES / f"{name}.py")
     remote = ray.remote(max_calls=1, max_retries=RETRIES, **resources(settings))(_recipe)
     command = shlex.join([script, *values])

@@ -19,6 +19,7 @@ from tstar_rl.checks import UserError
 from tstar_rl.config.command_line import of_the_disk
 from tstar_rl.launch.children import end_children, ended_by_kill, run_child
 from tstar_rl.launch.code_of_commit import environ_of
+from tstar_rl.launch.overrides import config_folders
 from tstar_rl.runs.run_folder import RECIPES
 
 __all__ = ["Step", "run_recipe", "run_side_by_side"]
@@ -51,7 +52,7 @@ def run_recipe(
     found = os.environ if code is None else environ_of(code)
     environ = {**found, "TQDM_POSITION": str(line), "TQDM_MININTERVAL": "1", "OMP_NUM_THREADS": "1"}
     recipes = RECIPES if code is None else code / "recipes"
-    command = [sys.executable, str(recipes / f"{name}.py"), *shared, *values]
+    command = [sys.executable, str(recipes / f"{name}.py"), *config_folders(), *shared, *values]
     if run_child(command, environ, seconds):
         raise SystemExit(f"this step failed: {shlex.join(command)}")
 
