@@ -10,7 +10,7 @@ SMALL = NetworkSettings(hidden=(32, 32), std="fixed", action_std=0.3, hand_std=0
 
 def small_skill() -> Skill:
     torch.manual_seed(0)
-    return Skill("point", 0, SMALL)
+    return Skill("point", 0, SMALL, obs_dim=72)
 
 
 def state_of(module: torch.nn.Module) -> dict[str, torch.Tensor]:

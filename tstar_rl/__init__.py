@@ -12,9 +12,14 @@ from tstar_rl.deferred import deferred
 
 if TYPE_CHECKING:
     from tstar_rl.chaining.chain import ChainPolicy, load_chain, save_chain
+    from tstar_rl.chaining.chain_settings import ChainSettings
+    from tstar_rl.chaining.chain_training import ChainTraining
+    from tstar_rl.chaining.gate import Gate, GateSettings
     from tstar_rl.chaining.recovery import RecoverySettings, judge_outcomes, learn_outcomes
     from tstar_rl.chaining.signals import StateValue, value_scale
     from tstar_rl.chaining.skill import Skill
+    from tstar_rl.chaining.skill_training import SkillTraining
+    from tstar_rl.chaining.training import TrainingSettings
     from tstar_rl.chaining.trials import run_trial
     from tstar_rl.checks import InvalidValueError
     from tstar_rl.config.build import (
@@ -31,10 +36,11 @@ if TYPE_CHECKING:
     from tstar_rl.config.values import plain, settings
     from tstar_rl.demonstrations.data_set import Demonstrations
     from tstar_rl.env.furniture_env import FurnitureEnv
+    from tstar_rl.models.exploration import Exploration
     from tstar_rl.models.network_settings import NetworkSettings
     from tstar_rl.rollouts.collection import Collection, with_starts
     from tstar_rl.rollouts.labels import Label
-    from tstar_rl.rollouts.starts import MixedStarts
+    from tstar_rl.rollouts.starts import MixedStarts, make_starts
     from tstar_rl.rollouts.state_sets import InitiationSet, TerminationSet
     from tstar_rl.runs.chain_rows import calibration_rows
     from tstar_rl.runs.run import Run
@@ -51,27 +57,34 @@ if TYPE_CHECKING:
     from tstar_rl.transforms.skill_chain_reset import SkillChainReset
     from tstar_rl.transforms.terminal_state_reward import ConstantBonus, TerminalStateReward
     from tstar_rl.updates.cloning import BehaviourCloningSettings, behaviour_cloning
-    from tstar_rl.updates.discriminator import DiscriminatorSettings
-    from tstar_rl.updates.labelled import LabelledSettings
+    from tstar_rl.updates.discriminator import DiscriminatorSettings, DiscriminatorUpdate
+    from tstar_rl.updates.labelled import LabelledSettings, LabelledUpdate
     from tstar_rl.updates.ppo import PolicyUpdate, PPOSettings
 
 __version__ = "0.1.0"
 HOMES = {
     "BehaviourCloningSettings": "updates",
     "ChainPolicy": "chaining.chain",
+    "ChainSettings": "chaining.chain_settings",
+    "ChainTraining": "chaining.chain_training",
     "Collection": "rollouts.collection",
     "ConstantBonus": "transforms",
     "Demonstrations": "demonstrations.data_set",
     "DiscriminatorSettings": "updates",
+    "DiscriminatorUpdate": "updates",
     "EpisodeStart": "transforms",
+    "Exploration": "models.exploration",
     "FeasibilityReward": "transforms",
     "FurnitureEnv": "env.furniture_env",
     "GAILReward": "transforms",
+    "Gate": "chaining.gate",
+    "GateSettings": "chaining.gate",
     "HandOverValueReward": "transforms",
     "InitiationSet": "rollouts.state_sets",
     "InvalidValueError": "checks",
     "Label": "rollouts.labels",
     "LabelledSettings": "updates",
+    "LabelledUpdate": "updates",
     "MixedStarts": "rollouts.starts",
     "NetworkSettings": "models.network_settings",
     "PPOSettings": "updates",
@@ -85,9 +98,11 @@ HOMES = {
     "ShippedChain": "shipped.chain",
     "Skill": "chaining.skill",
     "SkillChainReset": "transforms",
+    "SkillTraining": "chaining.skill_training",
     "StateValue": "chaining.signals",
     "TerminalStateReward": "transforms",
     "TerminationSet": "rollouts.state_sets",
+    "TrainingSettings": "chaining.training",
     "behaviour_cloning": "updates",
     "calibration_rows": "runs.chain_rows",
     "chain_run": "config.chain",
@@ -99,11 +114,14 @@ HOMES = {
     "learn_outcomes": "chaining.recovery",
     "load_chain": "chaining.chain",
     "load_demonstrations": "config.build",
+    "load_pretrained": "shipped.catalogue",
     "load_skills": "config.chain",
+    "make_starts": "rollouts.starts",
     "new_skill": "config.build",
     "new_spirl_agent": "config.build",
     "outcome_loss": "signal_equations",
     "plain": "config.values",
+    "pretrained": "shipped.catalogue",
     "recipe": "config.load",
     "run_trial": "chaining.trials",
     "save_chain": "chaining.chain",
@@ -114,8 +132,6 @@ HOMES = {
     "value_scale": "chaining.signals",
     "weighted": "transforms",
     "with_starts": "rollouts.collection",
-    "load_pretrained": "shipped.catalogue",
-    "pretrained": "shipped.catalogue",
 }
 """The room of each public name."""
 __all__ = [
@@ -179,6 +195,16 @@ __all__ = [
     "with_starts",
     "load_pretrained",
     "pretrained",
+    "ChainSettings",
+    "ChainTraining",
+    "DiscriminatorUpdate",
+    "Exploration",
+    "Gate",
+    "GateSettings",
+    "LabelledUpdate",
+    "SkillTraining",
+    "TrainingSettings",
+    "make_starts",
 ]
 
 __getattr__ = deferred(__name__, HOMES)

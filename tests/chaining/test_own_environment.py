@@ -7,14 +7,7 @@ from point_chain import PointChain
 from torchrl.data import Bounded, Unbounded
 
 import tstar_rl as rl
-from tstar_rl.chaining.chain_settings import ChainSettings
-from tstar_rl.chaining.chain_training import ChainTraining
-from tstar_rl.chaining.gate import Gate, GateSettings
-from tstar_rl.chaining.skill import Skill
-from tstar_rl.chaining.training import TrainingSettings
 from tstar_rl.chaining.turns import chain_turns
-from tstar_rl.models.exploration import Exploration
-from tstar_rl.rollouts.starts import make_starts
 from tstar_rl.runs import checkpoint
 
 OBSERVED, ACTIONS = 10, (2, 1)
@@ -44,7 +37,7 @@ class Workshop:
         env = Pushing(8, skill.subtask, seed)
         if before is None:
             return rl.Collection(rl.with_starts(env), skill.policy, 4)
-        starts = make_starts({"environment": 0.2, "buffer": 0.8}, env, before)
+        starts = rl.make_starts({"environment": 0.2, "buffer": 0.8}, env, before)
         return rl.Collection(rl.with_starts(env, *starts, seed), skill.policy, 4)
 
     def trial(self):
@@ -73,11 +66,11 @@ def test_turns_train_it_and_its_skills_come_back(tmp_path):
         total=4 * 32,
         trials=True,
     )
-    chain = ChainTraining(
+    chain = rl.ChainTraining(
         skills=skills,
         experts=[expert] * 4,
         run=run,
-        settings=ChainSettings(
+        settings=rl.ChainSettings(
             rounds=1,
             seed_episodes=0,
             kept_states="all",
@@ -89,10 +82,12 @@ def test_turns_train_it_and_its_skills_come_back(tmp_path):
             logged_states=0,
         ),
         rollouts=1,
-        training=TrainingSettings(rl.PPOSettings(epochs=1), Exploration((0.3, 0.1), (0.2, 0.1)), False, 0.1),
+        training=rl.TrainingSettings(
+            rl.PPOSettings(epochs=1), rl.Exploration((0.3, 0.1), (0.2, 0.1)), False, 0.1
+        ),
         workshop=workshop,
-        gate=Gate(
-            GateSettings(True, 0.0, 1),
+        gate=rl.Gate(
+            rl.GateSettings(True, 0.0, 1),
             lambda known, first: rl.run_trial(skills, workshop.trial(), 0, known, first),
         ),
     )
@@ -111,7 +106,7 @@ def test_turns_train_it_and_its_skills_come_back(tmp_path):
     torch.testing.assert_close(deviations, torch.tensor([0.1, 0.1, 0.1]))
     last = tmp_path / "runs/push/mine/seed0/last/skill0"
     assert checkpoint.is_checkpoint(last)
-    again = Skill.load(last)
+    again = rl.Skill.load(last)
     assert again.actions == ACTIONS and again.obs_dim == OBSERVED
     for name, values in skills[0].policy.state_dict().items():
         assert torch.equal(values, again.policy.state_dict()[name])

@@ -1,9 +1,13 @@
 """Rollouts of a collection that was saved and loaded."""
 
+import pytest
 import torch
+from point_chain import PointChain
+from torchrl.data import Composite, Unbounded
 
 from tstar_rl import FurnitureEnv
 from tstar_rl.chaining.skill import Skill
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.models.network_settings import NetworkSettings
 from tstar_rl.rollouts.collection import Collection, with_starts
 
@@ -26,3 +30,13 @@ def test_rollouts_go_on_bit_for_bit_from_their_state():
     resumed = second.rollout()
     for key in ("observation", "action", ("next", "reward_env"), ("next", "done"), "start_observation"):
         assert torch.equal(expected[key], resumed[key]), key
+
+
+def test_an_environment_that_lacks_what_skills_read_is_told_what():
+    env = PointChain("table_lack", 4, seed=0)
+    del env.observation_spec["phase"]
+    env.reward_spec = Composite(reward=Unbounded((4, 1)), shape=[4])
+    with pytest.raises(
+        InvalidValueError, match="PointChain has no phase, reward_env; an environment of skills gives"
+    ):
+        with_starts(env)

@@ -15,7 +15,7 @@ def one_step(settings: PPOSettings, advantage: float) -> tuple[PolicyUpdate, Ten
     Also the batch and what was logged.
     """
     torch.manual_seed(0)
-    skill = Skill("point", 0, NetworkSettings(hidden=(32, 32), std="state"))
+    skill = Skill("point", 0, NetworkSettings(hidden=(32, 32), std="state"), obs_dim=72)
     update = PolicyUpdate(skill.policy, skill.value, settings, skill.return_scale)
     batch = TensorDict({"observation": torch.randn(2, 72), "action": torch.randn(2, 9)}, [2])
     batch["action_log_prob"] = skill.policy.get_dist(batch).log_prob(batch["action"]).detach()

@@ -34,6 +34,10 @@ COLLECTOR: dict[str, Any] = {
 """What every collector here is made with: rows of a rollout are used once, and belong to the recipe."""
 
 
+OBSERVED = ("observation", "subtask", "phase", "completed", "success")
+"""What every environment here observes, beside what TorchRL's do."""
+
+
 def with_starts(
     env: EnvBase,
     starts: Starts | None = None,
@@ -44,7 +48,17 @@ def with_starts(
     """The environment with s_0 and the step count on every row, a share of its episodes beginning in `starts`.
 
     See `SkillChainReset` for the arguments.
+
+    Raises:
+        InvalidValueError: if the environment lacks one of `OBSERVED`, or "reward_env"; docs/library.md says what they
+            are.
     """
+    there = {*env.observation_spec.keys(), *env.full_reward_spec.keys()}
+    if lacking := [name for name in (*OBSERVED, "reward_env") if name not in there]:
+        raise InvalidValueError(
+            f"{type(env).__name__} has no {', '.join(lacking)}; an environment of skills gives {', '.join(OBSERVED)} "
+            "and reward_env (docs/library.md)"
+        )
     env = TransformedEnv(env, StepCounter())
     env.append_transform(EpisodeStart())
     if starts is not None:
