@@ -27,8 +27,9 @@ def main(config: DictConfig) -> None:
             print(f"no curves of {name}: {nothing}")
             continue
         print(save_figure(figure, Path(config.results_dir) / task / str(name) / "curves.png"))
-    if not evaluations.empty and (evaluations.subtask == -1).any():
-        print(evaluation_table(evaluations).round(3).to_string())
+    table = pd.DataFrame() if evaluations.empty else evaluation_table(evaluations)
+    if not table.empty:  # as it is where a skill alone was evaluated, or the script
+        print(table.round(3).to_string())
 
 
 def _of(task: str, table: pd.DataFrame) -> pd.DataFrame:

@@ -122,7 +122,14 @@ class Renderer:
 
 
 def _close(renderer: mujoco.Renderer) -> None:
-    renderer.render()  # makes this context current: MuJoCo deletes the objects of the one that is
+    try:
+        renderer.render()  # makes this context current: MuJoCo deletes the objects of the one that is
+    except (
+        Exception
+    ):  # at the end of Python, where dm_control has ended the display that they share: all is gone
+        renderer._gl_context._context = None  # or MuJoCo would give it back once more, with a traceback
+        renderer._mjr_context = None
+        return
     renderer.close()
 
 

@@ -184,6 +184,9 @@ def test_a_run_below_folders_of_its_own_is_asked_for_with_these(made):
     told = "lies in no_return of .*/runs: give .* runs_dir=runs/no_return results_dir=results/no_return"
     with pytest.raises(InvalidValueError, match=told):
         places("path=runs/no_return/table_lack/tstar/seed1/last")
+    save(made / "runs/quick", 1)
+    with pytest.raises(InvalidValueError, match="lies in quick of .*: give the folders .* with, scale=quick"):
+        places("path=runs/quick/table_lack/tstar/seed1/last")
     own = ["runs_dir=runs/no_return", "results_dir=results/no_return"]
     config, *_ = places("path=runs/no_return/table_lack/tstar/seed1/last", *own)
     assert (config.system, config.seed) == ("tstar", 1)

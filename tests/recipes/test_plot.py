@@ -27,3 +27,13 @@ def test_curves_of_each_system_and_the_table_of_all(call, tmp_path, capsys):
         assert curves.read_bytes().startswith(b"\x89PNG") and str(curves) in said
         (row,) = (line.split() for line in said.splitlines() if f" {system} " in line)
         assert [float(each) for each in row[-7:]] == [1, progress, 0.25, 1, 0.25, 200, 1]
+
+
+def test_where_the_script_alone_was_evaluated_there_is_no_table(call, tmp_path, capsys):
+    folder = tmp_path / "results/table_lack/expert/seed0"
+    folder.mkdir(parents=True)
+    (folder / "metrics.csv").write_text("env_steps,success_rate,completed,phase\n100,0.5,1,2\n200,0.6,1,2\n")
+    row = "checkpoint,mode,seed,progress,success,env_steps,minutes\nscript,deterministic,0,1.0,1.0,0,0\n"
+    (folder / "evaluation.csv").write_text(row)
+    call("plot", f"results_dir={tmp_path / 'results'}")
+    assert "Empty" not in capsys.readouterr().out

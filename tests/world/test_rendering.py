@@ -178,12 +178,20 @@ def test_where_nothing_can_be_drawn_one_sentence_says_so(monkeypatch, model, ask
         rendering.backend.cache_clear()
 
 
-def test_a_script_that_ends_without_closing_ends_without_a_traceback(renderer):
+@pytest.mark.parametrize(
+    "also",
+    [
+        "",
+        # dm_control, which draws on the same display, ends it first
+        "dm = tstar_envs.load_dm('table_lack')\ndm.reset()\ndm.physics.render(48, 64, camera_id=0)\n",
+    ],
+)
+def test_a_script_that_ends_without_closing_ends_without_a_traceback(renderer, also):
     script = (
         "import gymnasium, tstar_envs\n"
         "env = gymnasium.make('tstar/TableLack-v0', render_mode='rgb_array', width=64, height=48)\n"
         "env.reset(seed=0)\n"
-        "assert env.render().any()\n"
+        f"assert env.render().any()\n{also}"
     )
     done = subprocess.run([sys.executable, "-W", "ignore", "-c", script], capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")

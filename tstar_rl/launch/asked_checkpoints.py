@@ -123,9 +123,12 @@ def _check_that_it_lies_in(root: Path, below: Path, config: DictConfig) -> None:
     deeper = next((i for i, name in enumerate(below.parts) if name in tasks), 0)
     if deeper and below.parts[0] not in tasks:
         further = Path(*below.parts[:deeper])
+        scale = CONFIGS / "scale" / f"{further}.yaml"
+        given = f"runs_dir={Path(config.runs_dir) / further} results_dir={Path(config.results_dir) / further}"
+        if scale.is_file() and "runs_dir" in OmegaConf.load(scale):  # a scale with folders of its own
+            given = f"scale={further}"
         raise InvalidValueError(
-            f"path={config.path} lies in {further} of {root}: give the folders that it was trained with, "
-            f"runs_dir={Path(config.runs_dir) / further} results_dir={Path(config.results_dir) / further}"
+            f"path={config.path} lies in {further} of {root}: give the folders that it was trained with, {given}"
         )
 
 
