@@ -1,8 +1,12 @@
 """Tables that runs leave behind, and the numbers in them."""
 
+import hashlib
 import math
+import os
 import platform
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pandas as pd
@@ -16,8 +20,10 @@ from tstar_rl.checks import InvalidValueError
 from tstar_rl.runs import versions
 from tstar_rl.runs.chain_rows import terminal_state_rows
 from tstar_rl.runs.csv_tables import MetricsLog, append_rows, rows_stay
-from tstar_rl.runs.run_config import note_evaluation
+from tstar_rl.runs.run_config import note_evaluation, read_config, write_config
 from tstar_rl.runs.run_folder import Place, made_by, read_run_path, run_path, spent_by
+
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def test_a_run_that_begins_again_is_not_finished(tmp_path):
@@ -145,6 +151,22 @@ def test_the_commit_is_that_of_the_code_wherever_a_run_is_started(tmp_path, monk
     assert versions.versions()["commit"] == here
     monkeypatch.setenv("PATH", str(tmp_path))  # no git
     assert versions.versions()["commit"] == "unknown"
+
+
+def test_a_program_outside_of_the_clone_is_named_with_its_digest(tmp_path):
+    script = tmp_path / "mine.py"
+    script.write_text(
+        "from pathlib import Path\nfrom tstar_rl.runs.run_config import write_config\n"
+        "write_config(Path(__file__).parent, {'seed': 0})\n"
+    )
+    environ = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "envs")])}
+    subprocess.run([sys.executable, str(script)], check=True, env=environ)
+    digest = hashlib.sha256(script.read_bytes()).hexdigest()
+    assert read_config(tmp_path)["script"] == f"mine.py sha256:{digest[:16]}"
+    write_config(
+        tmp_path, {"seed": 0}
+    )  # of this program, which is pytest's, installed beside the library or not
+    assert read_config(tmp_path).get("script", "").partition(" ")[0] != "mine.py"
 
 
 def test_the_best_turn_of_a_chain_is_told_by_its_trials(tmp_path):

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
-from omegaconf import DictConfig
+from omegaconf import DictConfig, OmegaConf
 
 from tstar_rl.chaining.chain import chain_folders
 from tstar_rl.checks import InvalidValueError, MissingFileError

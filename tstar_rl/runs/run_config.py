@@ -8,7 +8,7 @@ import yaml
 
 from tstar_rl.checks import UserError
 from tstar_rl.runs.files import replacing, turn_to_write
-from tstar_rl.runs.versions import UNKNOWN, versions
+from tstar_rl.runs.versions import UNKNOWN, own_script, versions
 
 __all__ = [
     "MEASURED_ON",
@@ -59,9 +59,14 @@ def _damaged(file: Path, why: str) -> str:
 
 
 def write_config(folder: Path, config: Mapping[str, Any]) -> None:
-    """Writes config.yaml: plain values, the versions of what they ran on, and the commit."""
+    """Writes config.yaml: plain values, the versions of what they ran on, and the commit.
+
+    A program that lies outside of the clone, of which the commit says nothing, is named with its digest.
+    """
+    script = own_script()
+    told = {} if script is None else {"script": script}
     with turn_to_write(folder):
-        _replace(folder, {**config, "versions": versions()})
+        _replace(folder, {**config, **told, "versions": versions()})
 
 
 def restore_config(folder: Path, config: Mapping[str, Any]) -> None:

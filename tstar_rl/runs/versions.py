@@ -1,12 +1,13 @@
 """What a run's figures came from: versions of Python and of packages, the processor, and the commit of the code."""
 
+import hashlib
 import platform
 import subprocess
 import sys
 from importlib.metadata import version
 from pathlib import Path
 
-__all__ = ["DIRTY", "UNKNOWN", "commit", "processor", "versions"]
+__all__ = ["DIRTY", "UNKNOWN", "commit", "own_script", "processor", "versions"]
 
 CODE = ("*.py", "configs", "envs", "pyproject.toml")
 """What decides a run's figures, from the repository's root: a change there is recorded."""
@@ -57,6 +58,19 @@ def commit() -> str:
     except (FileNotFoundError, subprocess.CalledProcessError):
         return ""
     return f"{head}{DIRTY}" if changed else head
+
+
+def own_script() -> str | None:
+    """The program that runs, with the first digits of its SHA-256, where it lies outside of the clone.
+
+    `commit` says nothing of it then. None: it lies inside, or there is no file of it.
+    """
+    name = getattr(sys.modules["__main__"], "__file__", None)
+    if name is None or not (file := Path(name).resolve()).is_file():
+        return None
+    if file.is_relative_to(Path(__file__).resolve().parents[2]):
+        return None
+    return f"{file.name} sha256:{hashlib.sha256(file.read_bytes()).hexdigest()[:16]}"
 
 
 def _git(folder: Path, *command: str) -> str:
