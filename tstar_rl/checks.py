@@ -125,9 +125,16 @@ def check_ranges(settings: Any, **kinds: Sequence[str]) -> None:
     """
     for kind, names in kinds.items():
         said, fits = RANGES[kind]
+        number, called = (
+            (numbers.Integral, "a whole number") if kind == "count" else (numbers.Real, "a number")
+        )
         for name in names:
             value = getattr(settings, name)
-            if value is not None and not fits(value):
+            if value is None:
+                continue
+            if isinstance(value, bool) or not isinstance(value, number):
+                raise InvalidValueError(f"{type(settings).__name__}.{name} must be {called}, got {value!r}")
+            if not fits(value):
                 raise InvalidValueError(f"{type(settings).__name__}.{name} must be {said}, got {value}")
 
 

@@ -1,5 +1,6 @@
 """Ablations: what their files say, what is run of them, and the figures that are made of their tables."""
 
+import shutil
 from pathlib import Path
 
 import pandas as pd
@@ -136,6 +137,14 @@ def test_the_table_has_the_interval_of_seeds_and_episodes(tmp_path, capsys):
     assert table.loc["paper", "subtask_0"] == pytest.approx(0.5)
     out = capsys.readouterr().out
     assert "No table yet of no_finetuning, small" in out and "recipes/ablate.py ablation=lambda_3" in out
+
+
+def test_a_run_that_was_copied_is_not_another_seed(tmp_path):
+    tables(tmp_path, zero=[0.5])
+    place = tmp_path / "table_lack/ablations/lambda_3/zero"
+    shutil.copytree(place / "seed0", place / "seed1")
+    with pytest.raises(ValueError, match=r"seed1/evaluation.csv has rows of seed 0: they are another run's"):
+        load_ablation("lambda_3", tmp_path)
 
 
 def test_the_finding_follows_the_table(tmp_path):

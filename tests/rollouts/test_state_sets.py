@@ -89,7 +89,9 @@ def test_a_termination_set_is_drawn_by_its_weights_until_it_changes():
     assert 1850 < first < 2150 and 850 < second < 1150 and first + second + third == 4000
 
 
-@pytest.mark.parametrize("weights", [[1.0], [1.0, -1.0, 1.0], [0.0, 0.0, 0.0]])
+@pytest.mark.parametrize(
+    "weights", [[1.0], [1.0, -1.0, 1.0], [0.0, 0.0, 0.0], [1.0, 1.0, torch.inf], [1.0, torch.nan, 1.0]]
+)
 def test_weights_that_are_none_are_refused(weights):
     states = termination_set(torch.zeros(3, 2))
     with pytest.raises(ValueError, match="a set of 3 states needs as many weights"):

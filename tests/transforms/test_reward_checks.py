@@ -23,6 +23,8 @@ class Given(RewardTransform):
 
 
 MISTAKES = [
+    (3.0, r"Given.reward must return a tensor of shape \(2, 3, 1\), got float"),
+    (None, r"Given.reward must return a tensor of shape \(2, 3, 1\), got NoneType"),
     (torch.zeros(2, 3), r"Given must give reward_mine of shape \(2, 3, 1\), got \(2, 3\)"),
     (
         torch.tensor([0.0, float("nan"), 1.0]).expand(2, 3).unsqueeze(-1),

@@ -7,6 +7,7 @@ import pandas as pd
 from tstar_rl.analysis import variants
 from tstar_rl.analysis.differences import outer_ends, signed_interval
 from tstar_rl.analysis.experiments import arm_table, compare_arms
+from tstar_rl.analysis.tables import check_seed
 from tstar_rl.runs.csv_tables import read_table
 
 __all__ = [
@@ -58,7 +59,8 @@ def _load(name: str, root: str | Path, file: str) -> pd.DataFrame:
         task, _, _, variant, seed = path.relative_to(root).parent.parts
         if variant in order:
             place = {"task": task, "variant": variant, "seed": int(seed.removeprefix("seed"))}
-            frames.append(read_table(path).assign(**place))
+            check_seed(table := read_table(path), place["seed"], path)
+            frames.append(table.assign(**place))
     columns = ["task", "variant", "seed"]
     table = pd.concat(frames, ignore_index=True) if frames else pd.DataFrame(columns=columns)
     table["variant"] = pd.Categorical(table["variant"], order, ordered=True)

@@ -20,6 +20,7 @@ from tstar_rl.runs.run_folder import read_run_path
 from tstar_rl.runs.versions import DIRTY, UNKNOWN
 
 __all__ = [
+    "check_seed",
     "commit_of",
     "config_of",
     "episode_progress",
@@ -108,14 +109,18 @@ def _of_arms_own_skills(root: Path, name: str) -> list[Path]:
 def _read_one(file: Path, root: Path) -> pd.DataFrame:
     """The table of a run, with its task, recipe, seed and subtask."""
     table, (place, _) = _parsed(file, _state(file)), read_run_path(file.relative_to(root), root)
-    seeds = set(table.get("seed", ())) - {place.seed}
-    if seeds:
+    check_seed(table, place.seed, file)
+    subtask = -1 if place.subtask is None else place.subtask
+    return table.assign(task=place.task, recipe=place.system, seed=place.seed, subtask=subtask)
+
+
+def check_seed(table: pd.DataFrame, seed: int, file: Path) -> None:
+    """Raises InvalidValueError if a run's table has rows of another seed, as that of a copied folder has."""
+    if seeds := set(table.get("seed", ())) - {seed}:
         others = ", ".join(map(str, sorted(seeds)))
         raise InvalidValueError(
             f"{file} has rows of seed {others}: they are another run's; delete them and evaluate that run"
         )
-    subtask = -1 if place.subtask is None else place.subtask
-    return table.assign(task=place.task, recipe=place.system, seed=place.seed, subtask=subtask)
 
 
 def commit_of(folder: Path) -> str:

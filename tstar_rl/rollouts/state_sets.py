@@ -5,6 +5,7 @@ caller owns, so that a run can be resumed to the bit.
 """
 
 import logging
+import math
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
@@ -183,7 +184,8 @@ class TerminationSet(StateSet):
         """Draws states by these weights until the set changes, is loaded or moved. They are no part of its state.
 
         Args:
-            weights: (len(self),), in the order of `all()`; not negative, with a positive sum. None: alike again.
+            weights: (len(self),), in the order of `all()`; not negative, with a positive, finite sum. None: alike
+                again.
 
         Raises:
             ValueError: if there is not one such weight for each state.
@@ -191,7 +193,8 @@ class TerminationSet(StateSet):
         if weights is None:
             self._weighed_at = -1
             return
-        fit = weights.shape == (len(self),) and bool((weights >= 0).all()) and float(weights.sum()) > 0
+        fit = weights.shape == (len(self),) and bool((weights >= 0).all())
+        fit = fit and 0 < float(weights.sum()) < math.inf
         if not fit:
             raise ValueError(
                 f"a set of {len(self)} states needs as many weights, none negative and not all 0; "

@@ -1,5 +1,7 @@
 """The terminal reward with something else than d_omega to say how good the state is that the next skill is handed."""
 
+import math
+
 import torch
 from torch import Tensor, nn
 
@@ -50,7 +52,7 @@ class HandOverValueReward(TerminalStateReward):
         **options: `score`, `baseline` and `momentum` of `TerminalStateReward`.
 
     Raises:
-        ValueError: if alpha is negative or the scale is not positive.
+        ValueError: if alpha is negative or the scale is not positive, or one is not finite.
 
     Source: `signal_equations.hand_over_value`.
     """
@@ -58,8 +60,10 @@ class HandOverValueReward(TerminalStateReward):
     def __init__(
         self, value: nn.Module, error: nn.Module | None, alpha: float, scale: float, **options: str | float
     ) -> None:
-        if alpha < 0 or not scale > 0:
-            raise ValueError(f"alpha must not be negative and scale positive, got {alpha} and {scale}")
+        if not 0 <= alpha < math.inf or not 0 < scale < math.inf:
+            raise ValueError(
+                f"alpha must not be negative and scale positive, both finite; got {alpha} and {scale}"
+            )
         super().__init__(value, **options)  # pyright: ignore[reportArgumentType]
         self.error, self.alpha, self.scale = error, alpha, scale
 

@@ -45,7 +45,8 @@ class RewardTransform(Transform):
 
         Raises:
             KeyError: if there is no "next" in the batch.
-            InvalidValueError: if the reward has another shape, or is not finite; likewise in an environment.
+            InvalidValueError: if the reward is no tensor, has another shape, or is not finite; likewise in an
+                environment.
         """
         following = tensordict.get("next", None)
         if following is None:
@@ -58,6 +59,10 @@ class RewardTransform(Transform):
     def _checked(self, current: TensorDictBase, following: TensorDictBase) -> Tensor:
         """What `reward` says, which would otherwise ruin a policy without a word."""
         said, wanted = self.reward(current, following), (*following.batch_size, 1)
+        if not isinstance(said, Tensor):
+            raise InvalidValueError(
+                f"{type(self).__name__}.reward must return a tensor of shape {wanted}, got {type(said).__name__}"
+            )
         if said.shape != wanted:
             raise InvalidValueError(
                 f"{type(self).__name__} must give {self.out_keys[0]} of shape {wanted}, got {tuple(said.shape)}"

@@ -33,7 +33,8 @@ class SkillChainReset(Transform):
         seed: of the transform's own generator, which is part of its state and which `env.set_seed` does not reach:
             each of several workers needs another, or all draw the same. TorchRL's `EnvCreator` loads one environment's
             state into those of all workers, and with it this generator: give workers a function, not an `EnvCreator`.
-        goes_on: whether the episodes that the snapshots were taken in go on; by default new ones begin there.
+        goes_on: whether the episodes that the snapshots were taken in go on; by default new ones begin there, whose
+            "completed" counts from 0, also where some subtasks are done in the snapshot.
 
     Raises:
         ValueError: if the probability is not in [0, 1]; at a reset, if it is around a `ParallelEnv`, or around
