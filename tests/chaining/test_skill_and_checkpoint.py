@@ -169,6 +169,12 @@ def test_features_need_their_geometry():
         Skill("table_lack", 0, NetworkSettings(features=True))
 
 
+def test_a_chain_acts_on_a_tensordict():
+    policy = ChainPolicy([Skill("table_lack", 0, SMALL)])
+    with pytest.raises(InvalidValueError, match='acts on a TensorDict with "observation".*, got Tensor'):
+        policy(torch.zeros(2, 72))
+
+
 def test_a_chain_policy_is_made_of_skills_and_acts_on_its_own_piece():
     with pytest.raises(ValueError, match=r"made of skills, as load_chain\(path\) gives them; got 'runs/x'"):
         ChainPolicy("runs/x")  # pyright: ignore[reportArgumentType]

@@ -24,7 +24,7 @@ def test_a_signal_that_reads_a_network_which_nothing_trains_is_told(point_chain,
     assert "to be taught as a signal" not in capsys.readouterr().out
     reads("further", make=True)
     point_chain("tstar", *SHORT, "chain.links=2", "system=further")
-    told = "1/further: this network was to be taught as a signal, and no turn that was kept has taught it"
+    told = "1/further (skill/network): this network was to be taught as a signal, and no turn"
     assert told in capsys.readouterr().out
     reads("d_omgea", make=False)
     with pytest.raises(InvalidValueError, match="skill 1 has no network 'd_omgea'.* did you mean d_omega"):
@@ -49,7 +49,7 @@ def test_a_signal_that_no_trial_has_taught_is_told(point_chain, capsys, recipe, 
     )
     logged = point_chain(recipe, *SHORT, *untried, *values)
     assert term not in logged or logged[term].isna().all()
-    assert f"1/{recipe}: this network was to be taught as a signal" in capsys.readouterr().out
+    assert f"1/{recipe} (skill/network): this network was to be taught as a signal" in capsys.readouterr().out
 
 
 def test_a_critic_without_a_unit_pays_nothing_and_that_is_told(point_chain, capsys):

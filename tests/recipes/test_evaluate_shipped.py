@@ -48,7 +48,7 @@ def test_a_shipped_chain_brings_its_task_seed_settings_and_episodes(recipe, call
     table = pd.read_csv(tmp_path / "table_lack/pretrained/tstar/seed5/evaluation.csv")
     assert table[["checkpoint", "episodes", "episode_length"]].values.tolist() == [["last", 2, 12.0]]
     assert table.env_steps[0] == record["figures"]["deterministic"]["env_steps"]
-    assert "another world than that of the figures recorded" in capsys.readouterr().out
+    assert "another world than that of the figures recorded: env." in capsys.readouterr().out
 
 
 def test_chains_of_one_s_own_have_a_table_of_their_own_each(recipe, call, say, tmp_path):

@@ -4,7 +4,9 @@ import pytest
 import torch
 from point_chain import PointChain
 from tensordict import TensorDict
+from torchrl.envs import TransformedEnv
 
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.rollouts.collection import with_starts
 from tstar_rl.rollouts.episodes import run_episodes
 from tstar_rl.rollouts.watching import EpisodeLog, d_omega_signal, record_episode, rows_to_show
@@ -83,3 +85,12 @@ def test_d_omega_of_the_next_skill_speaks_where_a_subtask_was_done():
     step = TensorDict({"subtask": before, "next": {"subtask": after, "observation": observation}}, [4])
     said = d_omega_signal([lambda o: o + 0.5, lambda o: o + 0.5])(step)
     torch.testing.assert_close(said, torch.tensor([0.75, torch.nan, 1.0, torch.nan]), equal_nan=True)
+
+
+def test_an_environment_without_snapshots_or_a_step_count_is_told_so(policy):
+    for env in (
+        with_starts(PointChain("table_lack", 2)),
+        TransformedEnv(PointChain("table_lack", 2, snapshots=True)),
+    ):
+        with pytest.raises(InvalidValueError, match="recorded of with_starts.*: this environment has no"):
+            record_episode(env, policy, "mine")

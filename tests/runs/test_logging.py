@@ -74,6 +74,10 @@ def test_a_missing_run_is_told_what_makes_it_or_which_of_its_subtasks_are_there(
         made_by(run / "last")
         == "; there are runs of subtask=0, 2, which system=no_finetuning skills=gail_ppo chains"
     )
+    (run / "subtask2" / "unfinished").touch()
+    assert made_by(run / "subtask2/last") == (
+        f": its run, {run / 'subtask2'}, has not ended; the command that began it goes on with it"
+    )
     nested = run_path(tmp_path, "table_lack", "wide/gail_ppo", 3, 1)
     assert made_by(nested) == ": train system=wide/gail_ppo of task=table_lack subtask=1 seed=3 first"
     for system, hint in (("tstr", "; did you mean tstar?"), ("tstar_costliest", "")):

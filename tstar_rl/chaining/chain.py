@@ -56,8 +56,13 @@ class ChainPolicy(TensorDictModuleBase):
         """tensordict: any batch size -> the same with "action" (*batch, 9).
 
         Raises:
-            ValueError: if its observations are of another piece, as far as their width tells.
+            ValueError: if it is no TensorDict, or its observations are of another piece, as far as their width tells.
         """
+        if not isinstance(tensordict, TensorDictBase):
+            raise InvalidValueError(
+                'a chain acts on a TensorDict with "observation" (*batch, O) and "subtask" (*batch, 1), got '
+                f"{type(tensordict).__name__}"
+            )
         width = tensordict["observation"].shape[-1]
         if width != self._width:
             raise ValueError(

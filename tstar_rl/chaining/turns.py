@@ -169,8 +169,8 @@ def chain_turns(chain: ChainTraining) -> Iterator[Turn]:
     chain.close()
     for place in sorted(chain.asked - chain.learned):
         print(
-            f"{place}: this network was to be taught as a signal, and no turn that was kept has taught it: nothing was "
-            "learned from what it said"
+            f"{place} (skill/network): this network was to be taught as a signal, and no turn that was kept has taught "
+            "it: it has paid nothing"
         )
     chain.save("last", run.env_steps)
     run.finish()

@@ -98,6 +98,7 @@ def mean_bonus(metrics: str | Path) -> float:
     paid = table.dropna(subset=["tsr_on_success"])
     successes = paid["episodes"] * paid["success_rate"]
     if not successes.sum():
+        print(f"{metrics}: no success was paid anything, so the constant bonus of its control is 0")
         return 0.0
     mean = float((successes * paid["tsr_on_success"]).sum() / successes.sum())
     return round(min(max(mean, 0.0), 1.0), 4)

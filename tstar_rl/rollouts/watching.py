@@ -8,6 +8,7 @@ from tensordict import TensorDictBase
 from torch import Tensor
 from torchrl.envs import ExplorationType, TransformedEnv, set_exploration_type
 
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.rollouts.episodes import run_episodes
 
 __all__ = ["EpisodeLog", "StepSignal", "d_omega_signal", "log_episodes", "record_episode", "rows_to_show"]
@@ -142,7 +143,15 @@ def log_episodes(
         number: see `EpisodeLog`.
         signals: what else to show of each step, by name.
         enough: subtasks of a chain that is shorter than the task, after which an episode has succeeded; None: all.
+
+    Raises:
+        InvalidValueError: if the environment has no step count or no snapshots.
     """
+    if not {"snapshot", "step_count"} <= {*env.observation_spec.keys()}:
+        raise InvalidValueError(
+            "episodes are recorded of with_starts(FurnitureEnv(..., snapshots=True)): this environment has no "
+            "snapshots or no step count"
+        )
     log = EpisodeLog(env.base_env, number, signals, enough)
     with set_exploration_type(ExplorationType.DETERMINISTIC):
         run_episodes(env, policy, log, enough)

@@ -163,7 +163,8 @@ def check_says_if_trained(where: str, name: str, recipe: str) -> None:
 def made_by(path: str | Path) -> str:
     """What a message says of a run's missing file: what makes it; nothing if the path is of no run.
 
-    That is the recipe that writes it, and for a whole task of which only subtasks are there, those.
+    That is the recipe that writes it, or the one that has begun to; and for a whole task of which only subtasks are
+    there, those.
     """
     found = re.search(r"(.*/)?([^/]+)/([^/]+)/seed(\d+)(?:/subtask(\d+))?(?:/|$)", Path(path).as_posix())
     if found is None:
@@ -176,6 +177,9 @@ def made_by(path: str | Path) -> str:
             root, task = str(Path(*folders[:place])), folders[place]
             break
     part = "" if subtask is None else f" subtask={subtask}"
+    run = run_path(root or ".", task, system, int(seed), None if subtask is None else int(subtask))
+    if (run / UNFINISHED).is_file():
+        return f": its run, {run}, has not ended; the command that began it goes on with it"
     chained = run_path(root or ".", task, system, int(seed)) / f"last/skill{subtask}"
     if chained.is_dir():
         return f": that skill of the chain is path={chained}"

@@ -16,6 +16,7 @@ from tstar_rl.chaining.skill import Skill
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.models.draws import generators_stay
 from tstar_rl.runs import checkpoint
+from tstar_rl.runs.mismatch import differences
 from tstar_rl.runs.saved_kinds import A_SHIPPED_CHAIN, kind_of
 
 __all__ = ["ShippedChain", "load_shipped", "save_shipped"]
@@ -60,8 +61,8 @@ class ShippedChain(ChainPolicy):
             row: of the table of evaluations.
             env: settings of the task in which it was made.
         """
-        if dict(env) != self.env_settings:
-            return f"{row['mode']}: another world than that of the figures recorded"
+        if other := differences(self.env_settings, dict(env), "env"):
+            return f"{row['mode']}: another world than that of the figures recorded: {'; '.join(other)}"
         recorded = self.record["figures"].get(row["mode"], {})
         asked = [row["seed"], row["episodes"]]
         if asked != [self.record["seed"], recorded.get("episodes")]:
