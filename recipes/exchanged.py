@@ -19,6 +19,7 @@ from omegaconf import DictConfig
 
 from tstar_rl.analysis.exchanged import exchange_effects
 from tstar_rl.analysis.figures import exchanged_figure, save_figure
+from tstar_rl.chaining.skill import Skill
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.chain import skills_as_they_are
 from tstar_rl.config.load import recipe
@@ -35,6 +36,31 @@ from tstar_rl.seeds import evaluation_seed
 @recipe("exchanged", checkpoint=str, from_checkpoint=str | None, against=str | None)
 def main(config: DictConfig) -> None:
     """Measures one chain, writes and prints its table."""
+    _check_what_is_exchanged(config)
+    check_chain(config, config.system)
+    after = chain_of(config, config.system)
+    before = _before(config, len(after))
+    name = "exchanged" if config.against is None else f"exchanged_{config.against.replace('/', '_')}"
+    path = Path(config.results_dir) / config.task.name / f"{name}.csv"
+    check_table(path)
+    make = partial(env_at_seam, config, evaluation_seed(config.seed, "exchange"))
+    chain = {"system": config.system, "seed": config.seed, "checkpoint": config.checkpoint}
+    rows = [
+        chain | each._asdict() | share_columns("success", each.taken, each.handed)
+        for each in exchange_skills(before, after, make, config.evaluation.episodes)
+    ]
+    table = append_rows(path, rows, tuple(chain))
+    print(table.round(3).to_string(index=False))
+    shown = table[table["checkpoint"] == config.checkpoint]
+    mine = shown[shown["system"] == config.system]
+    if mine["seed"].nunique() > 1:
+        print(exchange_effects(mine).round(3).to_string(index=False))
+    drawn = config.against is None
+    print(save_figure(exchanged_figure(shown), path.with_suffix(".png")) if drawn else path)
+
+
+def _check_what_is_exchanged(config: DictConfig) -> None:
+    """Refuses skills that would be exchanged for themselves, and a checkpoint of no use."""
     if config.against is not None and config.from_checkpoint is not None:
         raise InvalidValueError(
             f"from_checkpoint is of the skills that a chain began with, and against={config.against} exchanges with "
@@ -45,43 +71,22 @@ def main(config: DictConfig) -> None:
             f"the skills of {config.system} would be exchanged for themselves: give system=<a fine-tuned chain>, or "
             "against=<another chain>"
         )
-    check_chain(config, config.system)
-    after = chain_of(config, config.system)
-    if config.against is None:
-        asked = config.from_checkpoint
-        config.skills, config.from_checkpoint = begun_with(run_folder(config, "results_dir"), config)
-        if asked not in (None, config.from_checkpoint):
-            raise InvalidValueError(
-                f"from_checkpoint must be null, got {asked}: the training of {config.system} noted that it began from "
-                f"{config.from_checkpoint}"
-            )
-        check_skills_stay(config, run_folder(config, "results_dir"), len(after))
-        before = skills_as_they_are(config, config.from_checkpoint)
-    else:
-        check_chain(config, config.against)
-        before = chain_of(config, config.against)
-    place = Path(config.results_dir) / config.task.name
-    name = "exchanged" if config.against is None else f"exchanged_{config.against.replace('/', '_')}"
-    check_table(place / f"{name}.csv")
-    make = partial(env_at_seam, config, evaluation_seed(config.seed, "exchange"))
-    rows = []
-    for each in exchange_skills(before, after, make, config.evaluation.episodes):
-        rows.append(each._asdict() | share_columns("success", each.taken, each.handed))
-    chain = {"system": config.system, "seed": config.seed, "checkpoint": config.checkpoint}
-    table = append_rows(
-        place / f"{name}.csv",
-        [chain | row for row in rows],
-        ("system", "seed", "checkpoint"),
-    )
-    print(table.round(3).to_string(index=False))
-    shown = table[table["checkpoint"] == config.checkpoint]
-    mine = shown[shown["system"] == config.system]
-    if mine["seed"].nunique() > 1:
-        print(exchange_effects(mine).round(3).to_string(index=False))
+
+
+def _before(config: DictConfig, links: int) -> list[Skill]:
+    """The skills that those of the chain are exchanged for: what they began as, or those of config.against."""
     if config.against is not None:
-        print(place / f"{name}.csv")
-        return
-    print(save_figure(exchanged_figure(shown), place / "exchanged.png"))
+        check_chain(config, config.against)
+        return chain_of(config, config.against)
+    asked, results = config.from_checkpoint, run_folder(config, "results_dir")
+    config.skills, config.from_checkpoint = begun_with(results, config)
+    if asked not in (None, config.from_checkpoint):
+        raise InvalidValueError(
+            f"from_checkpoint must be null, got {asked}: the training of {config.system} noted that it began from "
+            f"{config.from_checkpoint}"
+        )
+    check_skills_stay(config, results, links)
+    return skills_as_they_are(config, config.from_checkpoint)
 
 
 if __name__ == "__main__":

@@ -62,12 +62,36 @@ def check_what_is_not_read(values: Mapping[str, Any], name: str) -> None:
         raise ConfigError(
             f"subtask must be null, got {values['subtask']}: {name} is of the whole task; {told}"
         )
-    trains = name in ONE_POLICY or (chains and name != "exchanged")  # which runs two chains as they are
-    if trains and is_untrained(values["system"]):
+    if name in ONE_POLICY or (chains and name != "exchanged"):  # which runs two chains as they are
+        _check_training(values, name, chains)
+    _check_starting_others(values, name)
+    _check_asked(values, name)
+    _check_demonstrations(values.get("demonstrations") or {}, name)
+    if name in WITHOUT_WORKERS and values["collection"]["backend"] == "ray":
+        raise ConfigError(f"collection.backend must be local for {name}, got ray: it has no workers")
+    _check_rewards(values, name)
+    _check_normalizer(values, name)
+    _check_entropy(values, name)
+    if name in FINE_TUNING:
+        check_chain(values, name)
+    _check_paths(values, name)
+
+
+def _check_training(values: Mapping[str, Any], name: str, chains: bool) -> None:
+    """Refuses the name of an untrained system, and a time limit that training has elsewhere."""
+    if is_untrained(values["system"]):
         raise ConfigError(
             f"the last part of system must not begin with {UNTRAINED}, which means skills chained as they are: {name} "
             f"makes others, and what evaluates them would not look at them; got system={values['system']}"
         )
+    if values["env"].get("max_steps") is not None:
+        limits = "training.max_steps and chain.trial_max_steps" if chains else "training.max_steps"
+        limits = "spirl.max_steps" if name == "spirl" else limits
+        raise ConfigError(f"env.max_steps is not read in training: the time limit there is {limits}")
+
+
+def _check_starting_others(values: Mapping[str, Any], name: str) -> None:
+    """Refuses names of runs where the recipes that are started name their own, and a launcher where none is."""
     if name in WHOLE and values["system"] != name:
         raise ConfigError(
             f"system must be left out, got {values['system']}: {name} starts other recipes, each of which names its "
@@ -83,19 +107,10 @@ def check_what_is_not_read(values: Mapping[str, Any], name: str) -> None:
             f"launch must be local for {name}, got {values['launch']}: it is for recipes that start others, "
             f"{', '.join(LAUNCHING)}; collection.backend=ray collects rollouts on a cluster"
         )
-    if values["env"].get("max_steps") is not None and trains:
-        limits = "training.max_steps and chain.trial_max_steps" if chains else "training.max_steps"
-        limits = "spirl.max_steps" if name == "spirl" else limits
-        raise ConfigError(f"env.max_steps is not read in training: the time limit there is {limits}")
-    _check_asked(values, name)
-    _check_demonstrations(values.get("demonstrations") or {}, name)
-    if name in WITHOUT_WORKERS and values["collection"]["backend"] == "ray":
-        raise ConfigError(f"collection.backend must be local for {name}, got ray: it has no workers")
-    _check_rewards(values, name)
-    _check_normalizer(values, name)
-    _check_entropy(values, name)
-    if name in FINE_TUNING:
-        check_chain(values, name)
+
+
+def _check_paths(values: Mapping[str, Any], name: str) -> None:
+    """Refuses that the states on the way to an end are kept for what does not learn from them."""
     no_path = name in (*FINE_TUNING, "floored", "recover") and name not in LEARN_FROM_PATHS
     if no_path and values["chain"]["path_steps"]:
         raise ConfigError(
