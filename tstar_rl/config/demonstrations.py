@@ -113,7 +113,7 @@ def load_demonstrations(config: DictConfig, subtask: int | None) -> "Demonstrati
     return found.to(config.device)
 
 
-def given_demonstrations(config: DictConfig, subtask: int | None, given: Any) -> Any:
+def given_demonstrations(config: DictConfig, subtask: int | None, given: Any) -> "Demonstrations":
     """Demonstrations that a caller has, on the config's device: the library's, or anything with what training reads.
 
     That is "observations" (n, O) and "actions" (n, A); what has no `to` is taken to be on that device.

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import torch
 from tensordict import TensorDictBase
@@ -66,7 +67,8 @@ def collect(
         env.close()
     pieces, seeds = pieces[:episodes], seeds[:episodes]
     rows = torch.cat(pieces).cpu()
-    arguments = env.base_env.arguments
+    base: Any = env.base_env
+    arguments = base.arguments
     return Demonstrations(
         task=arguments["task"],
         subtask=arguments["subtask"],
@@ -80,7 +82,7 @@ def collect(
         success=torch.ones(len(pieces), dtype=torch.bool),
         snapshots=rows["snapshot"],
         noise=noise,
-        furniture=piece_digest(env.base_env.world.furniture),
+        furniture=piece_digest(base.world.furniture),
     )
 
 
