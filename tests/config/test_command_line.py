@@ -133,6 +133,15 @@ def test_as_a_user_sees_it(tmp_path):
     assert first.startswith("subtask of table_lack must be") and second == HINT
 
 
+def test_the_help_says_what_a_recipe_does_and_which_files_and_values_it_has():
+    called = command("spirl", "--help")
+    said = subprocess.run(called, env=environ(), capture_output=True, text=True, check=True).stdout
+    assert (
+        said.startswith("SPiRL: ") and "\n  spirl=<gpu, laptop, paper" in said and "\nsystem: spirl\n" in said
+    )
+    assert "experiment=" not in said and "Hydra" not in said  # it chooses no experiment
+
+
 @pytest.mark.parametrize("unbuffered", ["", "1"])
 def test_a_reader_of_the_help_may_stop_early(unbuffered):
     process = subprocess.Popen(

@@ -1,6 +1,7 @@
 """What a user is told who makes a mistake: what was got, what is valid. Files' own mistakes are tested beside them."""
 
 import copy
+import inspect
 import pickle
 
 import pytest
@@ -155,3 +156,10 @@ def test_a_batch_of_simulations_is_not_copied_and_it_is_told_what_to_do(env):
             TypeError, match=r"make an environment of the same arguments, .* restore\(snapshot\)"
         ):
             copied(env)
+
+
+def test_help_says_what_an_environment_is_made_with():
+    said = str(inspect.signature(FurnitureEnv))
+    assert said.startswith("(task: 'str', num_envs: 'int' = 1, subtask") and said.endswith(
+        "**settings: 'Any')"
+    )

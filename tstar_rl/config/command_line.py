@@ -23,7 +23,7 @@ from omegaconf.errors import OmegaConfBaseException
 from tqdm import tqdm
 
 from tstar_rl.checks import InvalidValueError, NothingToDo, UserError
-from tstar_rl.config.mistakes import Check, in_words, refused_choice
+from tstar_rl.config.mistakes import Check, choices, in_words, refused_choice
 
 __all__ = ["command_line", "of_the_disk", "told_in_words"]
 
@@ -84,7 +84,7 @@ def command_line(body: Body, configs: Path, name: str, check: Check) -> Callable
         os.environ[FULL_ERROR] = "1"  # Hydra then raises what it would print in its own words
         try:
             if helps:
-                print(sys.modules[body.__module__].__doc__)
+                print(sys.modules[body.__module__].__doc__, choices(configs, name), "", sep="\n")
             try:
                 start(job)
             finally:

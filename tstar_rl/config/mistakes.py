@@ -21,7 +21,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from tstar_rl.checks import UserError, did_you_mean
 
-__all__ = ["Check", "in_words", "refused_choice"]
+__all__ = ["Check", "choices", "in_words", "refused_choice"]
 
 Check = Callable[[DictConfig], None]
 
@@ -76,6 +76,18 @@ def refused_choice(given: Sequence[str], configs: Path) -> str | None:
         if equals and group and (configs / group).is_dir() and no_word and not listed:
             return f"{must_be(group, options(configs, group))}, got {option.strip() or 'nothing'}"
     return None
+
+
+def choices(configs: Path, name: str) -> str:
+    """What the help of a recipe says of the groups of configs that it chooses files of, with these files.
+
+    Nothing of a recipe whose own file lies elsewhere.
+    """
+    file = configs / "recipe" / f"{name}.yaml"
+    groups = re.findall(r"^ +- /(\w+):", file.read_text(), re.MULTILINE) if file.is_file() else []
+    lines = [f"  {group}=<{', '.join(options(configs, group))}>" for group in groups]
+    said = ["Files of configs/ to choose, one of each:", *lines, ""] if lines else []
+    return "\n".join([*said, "Its values, to be changed as <name>=<value> (docs/usage.md):"])
 
 
 def must_be(group: str, valid: list[str]) -> str:

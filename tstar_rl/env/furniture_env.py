@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+import inspect
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, cast
@@ -266,3 +268,9 @@ class FurnitureEnv(EnvBase):
 
     def _set_seed(self, seed: int | None) -> None:
         self.world.seed(seed)
+
+
+# TorchRL's metaclass hides it from help() and from editors.
+FurnitureEnv.__signature__ = inspect.signature(  # pyright: ignore[reportAttributeAccessIssue]
+    functools.partial(FurnitureEnv.__init__, None)
+)
