@@ -57,6 +57,8 @@ def test_arms_are_read_with_their_seeds_and_commits(two_arms):
     assert (sampled["progress"] == 0).all() and len(sampled) == 4
     with pytest.raises(InvalidValueError, match="has the tasks table; got 'tabel'; did you mean table"):
         experiment.chosen("tabel")
+    with pytest.raises(InvalidValueError, match="checkpoint must be one of best, last, prior; got 'lst'"):
+        experiment.chosen("table", "lst")
     with pytest.raises(
         InvalidValueError, match="mode must be one of deterministic, stochastic; got 'sampled'"
     ):

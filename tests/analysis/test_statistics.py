@@ -110,6 +110,11 @@ def test_what_is_no_number_is_refused_and_not_left_out_or_counted_as_a_loss(stat
             statistic([0.1, value, 0.3, 0.4])
 
 
+def test_an_interval_of_no_resamples_is_refused():
+    with pytest.raises(ValueError, match="at least one resample, got none"):
+        interquartile_interval([[[0.1, 0.3]]], rng(), resamples=0)
+
+
 def test_no_seed_or_no_episode_is_refused():
     for scores in ([], [[]]):
         with pytest.raises(ValueError, match="at least one seed, and at least one episode"):

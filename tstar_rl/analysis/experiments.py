@@ -26,6 +26,7 @@ from tstar_rl.analysis.tables import (
 from tstar_rl.analysis.task_statistics import improvement_over_tasks, interquartile_interval
 from tstar_rl.checks import InvalidValueError, did_you_mean
 from tstar_rl.config.limits import MODES
+from tstar_rl.runs.run_folder import SAVED
 
 __all__ = [
     "Experiment",
@@ -67,8 +68,13 @@ class Experiment:
         """A row for each arm and seed; none where a checkpoint or a mode was not evaluated.
 
         Raises:
-            InvalidValueError: for an unknown mode, or a task that has no run here.
+            InvalidValueError: for an unknown checkpoint or mode, or a task that has no run here.
         """
+        known = sorted({*SAVED, *self.arms.get("checkpoint", ())})
+        if checkpoint not in known:
+            raise InvalidValueError(
+                f"checkpoint must be one of {', '.join(known)}; got {checkpoint!r}{did_you_mean(checkpoint, known)}"
+            )
         if mode not in MODES:
             raise InvalidValueError(f"mode must be one of {', '.join(MODES)}; got {mode!r}")
         if self.tasks and task not in self.tasks:

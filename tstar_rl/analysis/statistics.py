@@ -104,7 +104,13 @@ def _numbers(values: ArrayLike) -> Array:
 
 
 def interval_ends(draws: Array) -> tuple[float, float]:
-    """Ends of the 95% percentile interval."""
+    """Ends of the 95% percentile interval.
+
+    Raises:
+        ValueError: if nothing was drawn.
+    """
+    if not len(draws):
+        raise ValueError("an interval needs at least one resample, got none")
     low, high = np.quantile(draws, (0.025, 0.975))
     return float(low), float(high)
 
