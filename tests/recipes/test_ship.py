@@ -122,6 +122,14 @@ def test_a_chain_that_was_not_evaluated_is_refused(trained, say):
     assert re.search("no config at .*config.yaml", say("ship", "scale=narrow", "seed=4"))
 
 
+def test_a_table_without_a_figure_is_refused(trained, say):
+    table = trained / "evaluation.csv"
+    pd.read_csv(table).drop(columns="progress").to_csv(table, index=False)
+    assert f"{table} has no column progress: evaluate the chain again" in say(
+        "ship", "scale=narrow", "seed=4"
+    )
+
+
 def test_figures_of_an_earlier_training_are_refused(trained, say):
     ended = Path("runs/table_lack/tstar/seed4/finished.json")
     ended.write_text("{}")
