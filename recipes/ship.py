@@ -24,7 +24,7 @@ from tstar_rl.config.values import plain
 from tstar_rl.launch.overrides import chosen_scale
 from tstar_rl.launch.run_folders import evaluated_runs, of_an_earlier_training, run_folder
 from tstar_rl.runs.csv_tables import LogError, read_table
-from tstar_rl.runs.mismatch import CheckpointMismatchError, differences
+from tstar_rl.runs.mismatch import FURNITURE, CheckpointMismatchError, differences
 from tstar_rl.runs.run_config import read_config
 from tstar_rl.runs.run_folder import is_untrained, made_by
 from tstar_rl.shipped.chain import save_shipped
@@ -81,10 +81,11 @@ def _config_of(results: Path, config: DictConfig) -> dict[str, Any]:
         )
     saved = read_config(results)
     wanted = plain(config)
-    wrong = differences(*({name: values.get(name) for name in SAME} for values in (saved, wanted)))
+    same = (*SAME, *(name for name in (FURNITURE,) if name in saved))  # older runs do not say
+    wrong = differences(*({name: values.get(name) for name in same} for values in (saved, wanted)))
     if wrong:
         raise CheckpointMismatchError(f"{results} is of another scale or config: {'; '.join(wrong)}")
-    return {"env": saved["env"], "versions": saved["versions"]}
+    return {name: saved[name] for name in ("env", "versions", FURNITURE) if name in saved}
 
 
 def _figures_of(results: Path, config: DictConfig) -> dict[str, dict[str, float]]:

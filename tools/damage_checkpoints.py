@@ -97,7 +97,7 @@ def outcome(copy: Path, name: str, load: Callable[[Path], Any] = Skill.load) -> 
 def small_skill(path: Path, seed: int) -> None:
     """Saves a skill with random weights."""
     torch.manual_seed(seed)
-    Skill("small", 0, NetworkSettings(hidden=(16,), discriminator_hidden=(16,))).save(path)
+    Skill("table_lack", 0, NetworkSettings(hidden=(16,), discriminator_hidden=(16,))).save(path)
 
 
 def main() -> int:

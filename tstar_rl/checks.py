@@ -149,10 +149,10 @@ def check_losses(values: Mapping[str, Any], after: str) -> None:
         DivergedError: for the first that is not.
     """
     for name, value in values.items():
-        if "loss" in name.split("_") and isinstance(value, numbers.Real) and not math.isfinite(value):
+        if "loss" in name.split("_") and value is not None and not math.isfinite(value):
             raise DivergedError(
-                f"the training has diverged: {name} is {value} {after}. Lower the learning rates, or look at what it "
-                "learns from (a reward or an observation may be no finite number)"
+                f"the training has diverged: {name} is {float(value)} {after}. Begin anew (resume=false) with lower "
+                "learning rates, or look at what it learns from: a reward or an observation may be no finite number"
             )
 
 

@@ -124,9 +124,8 @@ class Renderer:
 def _close(renderer: mujoco.Renderer) -> None:
     try:
         renderer.render()  # makes this context current: MuJoCo deletes the objects of the one that is
-    except (
-        Exception
-    ):  # at the end of Python, where dm_control has ended the display that they share: all is gone
+    except Exception:
+        # At the end of Python, where dm_control has ended the display that they share: all is gone.
         renderer._gl_context._context = None  # or MuJoCo would give it back once more, with a traceback
         renderer._mjr_context = None
         return

@@ -82,6 +82,10 @@ def test_comparisons_are_paired_by_seed(two_arms):
     rows = read_experiment(two_arms).chosen("table")
     with pytest.raises(InvalidValueError, match="what is compared has no arm not_run; it has buffer, tstar"):
         compare_arms(rows, PAIRS)
+    with pytest.raises(
+        InvalidValueError, match="what is compared has no arms at all; got buffer, not_run, tstar"
+    ):
+        compare_arms(rows[:0], PAIRS)
     found = compare_arms(rows, PAIRS, absent_ok=True)
     assert found[["first", "second", "seeds"]].to_numpy().tolist() == [["tstar", "buffer", 2]]
     row = found.iloc[0]

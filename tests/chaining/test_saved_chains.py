@@ -56,6 +56,9 @@ def test_what_is_no_checkpoint_and_no_chain_is_not_replaced(chain, tmp_path):
     (run / "seed0").mkdir(parents=True)
     (tmp_path / "notes.txt").write_text("mine")
     (tmp_path / "mine/skill0").mkdir(parents=True)
+    (tmp_path / "mine/skill0/notes.txt").write_text("mine")
+    (tmp_path / "project/components").mkdir(parents=True)
+    (tmp_path / "clone/.git").mkdir(parents=True)
     for save in (skills[0].save, functools.partial(save_chain, skills)):
         with pytest.raises(
             InvalidValueError, match=r"table_lack/tstar holds seed0, which a checkpoint there would"
@@ -63,12 +66,14 @@ def test_what_is_no_checkpoint_and_no_chain_is_not_replaced(chain, tmp_path):
             save(run)
         with pytest.raises(InvalidValueError, match=r"runs holds table_lack, which"):
             save(run.parent.parent)
-        with pytest.raises(InvalidValueError, match=r"mine holds skill0, which"):
-            save(tmp_path / "mine")
+        for place, held in (("mine", "skill0/notes.txt"), ("project", "components"), ("clone", r"\.git")):
+            with pytest.raises(InvalidValueError, match=rf"{place} holds {held}, which"):
+                save(tmp_path / place)
         with pytest.raises(InvalidValueError, match=r"notes\.txt is a file: a checkpoint is a folder"):
             save(tmp_path / "notes.txt")
         save(chain)  # of three skills, and then of what the save before left
         (tmp_path / "empty").mkdir(exist_ok=True)
+        (tmp_path / "empty/.DS_Store").touch()
         save(tmp_path / "empty")
     assert (run / "seed0").is_dir() and (tmp_path / "notes.txt").read_text() == "mine"
     assert [skill.subtask for skill in load_chain(chain)] == [0]

@@ -64,6 +64,21 @@ def test_an_environment_that_does_not_begin_where_it_is_told_is_refused(skills):
     assert env.is_closed
 
 
+class Noisy(PointChain):
+    """Most of what it observes is noise, and one number is the last action: 0 after a reset."""
+
+    def _out(self, *ended):
+        out = super()._out(*ended)
+        seen = out["observation"]
+        seen[:, 3:] = torch.randn(seen[:, 3:].shape, generator=self.generator)
+        seen[:, 2] = self.steps > 0
+        return out
+
+
+def test_an_environment_whose_observations_are_noisy_is_none_that_does_not_begin_where_it_is_told(skills):
+    assert run_trial(skills, with_starts(Noisy("table_lack", 16, None, seed=3))).progress > 0.3
+
+
 def test_what_makes_no_chain_is_not_tried(skills):
     with pytest.raises(InvalidValueError, match=r"subtasks 0, 1, ... in order; got \[1, 0\]"):
         run_trial(skills[1::-1], with_starts(PointChain("table_lack", 4, None, seed=3)))

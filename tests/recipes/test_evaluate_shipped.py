@@ -10,6 +10,7 @@ from recipe_runs import load_recipe
 
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.config.values import CONFIGS
+from tstar_rl.env.task_tables import furniture_digest
 from tstar_rl.models.network_settings import NetworkSettings
 from tstar_rl.shipped.catalogue import CHAINS, load_pretrained
 from tstar_rl.shipped.chain import save_shipped
@@ -27,6 +28,7 @@ def test_a_shipped_chain_brings_its_task_seed_settings_and_episodes(recipe, call
     results, found = recipe._candidates(config, ["pretrained=table_lack"])
     assert results == Path("results/table_lack/pretrained/tstar") / f"seed{record['seed']}"
     assert config.pretrained_sha256 == found["last"].policy.sha256
+    assert config.furniture == furniture_digest("table_lack")  # of its task, not of the one that was given
     assert (config.task.name, config.task.subtasks) == ("table_lack", 4) and config.env == record["env"]
     assert config.evaluation.whole_episodes == record["figures"]["deterministic"]["episodes"]
     assert (

@@ -41,7 +41,15 @@ def test_evaluation_rows_replace_those_of_the_same_key(tmp_path):
 
 @pytest.mark.parametrize(
     "damage",
-    [b"", b"seed,success", b"seed,success\n0,0.", b"seed\n\xff\xfe\n", b'a,b\n"0,1\n', b"a,b\n0,1\n2\n"],
+    [
+        b"",
+        b"seed,success",
+        b"seed,success\n0,0.",
+        b"seed\n\xff\xfe\n",
+        b'a,b\n"0,1\n',
+        b"a,b\n0,1\n2\n",
+        b'a,b\n"0,1\n' + b"2,3\n" * 50_000,
+    ],
 )
 def test_a_damaged_table_is_named(tmp_path, damage):
     path = tmp_path / "evaluation.csv"

@@ -157,7 +157,7 @@ def test_the_commit_is_that_of_the_code_wherever_a_run_is_started(tmp_path, monk
     assert versions.versions()["commit"] == "unknown"
 
 
-def test_a_program_outside_of_the_clone_is_named_with_its_digest(tmp_path):
+def test_a_program_outside_of_the_clone_is_named_with_its_digest(tmp_path, monkeypatch):
     script = tmp_path / "mine.py"
     script.write_text(
         "from pathlib import Path\nfrom tstar_rl.runs.run_config import write_config\n"
@@ -167,10 +167,9 @@ def test_a_program_outside_of_the_clone_is_named_with_its_digest(tmp_path):
     subprocess.run([sys.executable, str(script)], check=True, env=environ)
     digest = hashlib.sha256(script.read_bytes()).hexdigest()
     assert read_config(tmp_path)["script"] == f"mine.py sha256:{digest[:16]}"
-    write_config(
-        tmp_path, {"seed": 0}
-    )  # of this program, which is pytest's, installed beside the library or not
-    assert read_config(tmp_path).get("script", "").partition(" ")[0] != "mine.py"
+    monkeypatch.setattr(sys.modules["__main__"], "__file__", str(ROOT / "recipes" / "bc.py"))
+    write_config(tmp_path, {"seed": 0})
+    assert "script" not in read_config(tmp_path)
 
 
 def test_the_best_turn_of_a_chain_is_told_by_its_trials(tmp_path):

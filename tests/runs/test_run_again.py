@@ -7,7 +7,7 @@ import pytest
 import torch
 from saved_run import a_run, a_run_that_saved, contents
 
-from tstar_rl.checks import MissingFileError, NothingToDo
+from tstar_rl.checks import InvalidValueError, MissingFileError, NothingToDo
 from tstar_rl.runs import checkpoint
 from tstar_rl.runs.mismatch import CheckpointMismatchError
 from tstar_rl.runs.run_config import note_evaluation, read_config
@@ -219,6 +219,20 @@ def test_a_run_notes_what_it_is_told_when_it_begins_anew(tmp_path):
         run.save_if_due(0)
         run.finish()
         assert read_config(run.results)["skills_took"] == {"env_steps": 1 if resume else 3}
+
+
+def test_a_folder_of_something_else_is_told_before_anything_is_deleted(tmp_path):
+    a_run_that_saved(tmp_path)
+    best = tmp_path / "runs/table/chain/seed0/best"
+    best.mkdir()
+    (best / "notes.txt").write_text("mine")
+    before = contents(tmp_path)
+    for resume in (True, False):
+        with pytest.raises(
+            InvalidValueError, match=r"best holds notes\.txt, which a checkpoint there would replace"
+        ):
+            a_run(tmp_path, resume=resume).start(module=torch.nn.Linear(1, 1))
+        assert contents(tmp_path) == before
 
 
 def test_minutes_are_of_all_calls(tmp_path):

@@ -132,6 +132,8 @@ def read_experiment(root: str | Path, one_commit: bool = False) -> Experiment:
 def check_arms(task: str, asked: Iterable[str], there: Iterable[str]) -> None:
     """Raises InvalidValueError for an arm that is asked for and that the task does not have."""
     there = list(there)
+    if not there and (asked := list(asked)):
+        raise InvalidValueError(f"{task} has no arms at all; got {', '.join(sorted(asked))}")
     if unknown := sorted(set(asked) - set(there)):
         raise InvalidValueError(
             f"{task} has no arm {', '.join(unknown)}; it has {', '.join(there)}{did_you_mean(unknown[0], there)}"

@@ -19,6 +19,7 @@ from typing import Any
 
 from omegaconf import DictConfig, open_dict
 
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.check import ConfigError, check
 from tstar_rl.config.command_line import command_line, told_in_words
 from tstar_rl.config.ranges import check_machine, check_ranges_of, find
@@ -33,6 +34,8 @@ __all__ = ["check_config", "recipe"]
 
 SAID_BY_THE_NEXT = ("reward_tsr", "reward_proximity")
 """The library's rewards that a skill gets from the next one alone."""
+NOTED = ("recipe", FURNITURE, "script", "versions", "later")
+"""Keys of a run's config.yaml that are no values."""
 OWN_KEYS: dict[str, dict[str, Any]] = {}
 """Of each recipe that was imported, the keys that no other recipe needs to have, and the types of their values."""
 
@@ -45,7 +48,14 @@ def recipe(name: str, **own: Any) -> Callable[[Callable[[DictConfig], None]], Ca
     Args:
         name: of its file in `configs/recipe`.
         **own: keys of that file which `schema.Config` does not have, and the types of their values.
+
+    Raises:
+        InvalidValueError: for a key that config.yaml has of every run.
     """
+    if taken := [key for key in NOTED if key in own]:
+        raise InvalidValueError(
+            f"{name} declares {taken[0]}, which config.yaml says of every run: give it another name"
+        )
     OWN_KEYS[name] = own
 
     def decorate(function: Callable[[DictConfig], None]) -> Callable[..., None]:

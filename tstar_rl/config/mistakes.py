@@ -48,8 +48,9 @@ def in_words(
             """other characters in quotes: "key='a=b,c'\""""
         )
     if several := re.match(r"Ambiguous value for argument '([^=]+)=(.*?)' 1\.", text):
-        listed = f"where a list is asked for it is written [{several[2]}]"
-        return f"{several[1]} must be one value, got {several[2]}; {listed}"
+        return (
+            f"{several[1]} must be one value, or a list, as [{several[2]}], where it is one; got {several[2]}"
+        )
     unknown = re.match(r"Could not override '([^']+)'", text)
     if unknown:
         return _unknown_key(unknown[1], configs, name, check, given)
@@ -70,10 +71,15 @@ def refused_choice(given: Sequence[str], configs: Path) -> str | None:
     """
     for text in given:
         group, equals, option = text.partition("=")
-        name = re.fullmatch(r"(['\"]?)[^\W\d][\w./-]*\1", option.strip())
-        no_word = name is None or option.strip().lower() in ("null", "true", "false")
-        listed = group == "ablation" and option.strip().startswith("[")
-        if equals and group and (configs / group).is_dir() and no_word and not listed:
+        if not equals or not group or not (configs / group).is_dir():
+            continue
+        try:
+            chosen = OverridesParser.create().parse_override(text).value()
+        except HydraException:  # it has words for what cannot be read
+            continue
+        if not (isinstance(chosen, str) and chosen) and not (
+            group == "ablation" and isinstance(chosen, list)
+        ):
             return f"{must_be(group, options(configs, group))}, got {option.strip() or 'nothing'}"
     return None
 

@@ -10,7 +10,8 @@ from omegaconf import DictConfig, open_dict
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.overrides import key_of, section_of
 from tstar_rl.config.values import plain, task_section
-from tstar_rl.runs.mismatch import CheckpointMismatchError
+from tstar_rl.env.task_tables import furniture_digest
+from tstar_rl.runs.mismatch import FURNITURE, CheckpointMismatchError
 from tstar_rl.runs.run_config import read_config
 from tstar_rl.shipped.catalogue import CHAINS, find_pretrained
 from tstar_rl.shipped.chain import ShippedChain, load_shipped
@@ -47,7 +48,7 @@ def take_pretrained(config: DictConfig, given: Iterable[str]) -> ShippedChain:
     whose = "pretrained" if folder.resolve() == CHAINS.resolve() else "shipped"
     chain = load_shipped(place, task=task)
     with open_dict(config):
-        config.task = task_section(task)
+        config.task, config[FURNITURE] = task_section(task), furniture_digest(task)
         config.env = chain_env(chain, config, given)
         config.system, config.subtask = f"{whose}/{variant}", None
         config.pretrained_sha256 = chain.sha256

@@ -125,7 +125,10 @@ def _check_that_it_lies_in(root: Path, below: Path, config: DictConfig) -> None:
         further = Path(*below.parts[:deeper])
         scale = CONFIGS / "scale" / f"{further}.yaml"
         given = f"runs_dir={Path(config.runs_dir) / further} results_dir={Path(config.results_dir) / further}"
-        if scale.is_file() and "runs_dir" in OmegaConf.load(scale):  # a scale with folders of its own
+        own = OmegaConf.load(scale).get("runs_dir") if scale.is_file() else None
+        if (
+            own is not None and Path(own) == Path(config.runs_dir) / further
+        ):  # a scale with folders of its own
             given = f"scale={further}"
         raise InvalidValueError(
             f"path={config.path} lies in {further} of {root}: give the folders that it was trained with, {given}"

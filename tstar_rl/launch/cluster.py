@@ -41,12 +41,8 @@ def run_on_cluster(
     """
     ray = connect(settings, workers)
     name, *own = step
-    values = [
-        *config_folders(),
-        *shared,
-        *own,
-        "progress_bar=false",
-    ]  # bars of several nodes on one screen cannot be read
+    # Bars of several nodes on one screen cannot be read.
+    values = [*config_folders(), *shared, *own, "progress_bar=false"]
     script = str(RECIPES / f"{name}.py")
     remote = ray.remote(max_calls=1, max_retries=RETRIES, **resources(settings))(_recipe)
     command = shlex.join([script, *values])

@@ -6,7 +6,7 @@ not as it was written is refused by the name of its file: see `checksums`.
 
 import re
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -42,6 +42,8 @@ __all__ = [
 MANIFEST = "manifest.json"
 PARTS = (MANIFEST, SEAL, "components")
 """What lies in a checkpoint's folder."""
+LITTER = r"\.DS_Store|\._.*|\.nfs.*"
+"""What file systems leave in folders."""
 
 
 class _SealedCheckpoint(Checkpoint):
@@ -115,16 +117,20 @@ def check_place(path: str | Path) -> None:
     path = Path(path)
     if path.exists() and not path.is_dir():
         raise InvalidValueError(f"{path} is a file: a checkpoint is a folder; give another path")
-    inside = [each for each in path.glob("[!.]*") if each.name not in PARTS]
-    if others := sorted(each.name for each in inside if not _is_skill_of_chain(each)):
+    skills = [each for each in path.glob("skill*") if re.fullmatch(r"skill\d+", each.name) and each.is_dir()]
+    others = sorted(str(name.relative_to(path)) for each in (path, *skills) for name in _others(each, skills))
+    if others:
         raise InvalidValueError(
             f"{path} holds {others[0]}{' and more' if others[1:] else ''}, which a checkpoint there would replace: "
             "give a path that is new, empty or a checkpoint"
         )
 
 
-def _is_skill_of_chain(path: Path) -> bool:
-    return re.fullmatch(r"skill\d+", path.name) is not None and is_checkpoint(path)
+def _others(folder: Path, skills: Sequence[Path]) -> list[Path]:
+    """What lies in a folder and is no part of a checkpoint, nor one of these skills of a chain."""
+    parts = PARTS if any((folder / name).is_file() for name in (MANIFEST, SEAL)) else ()
+    inside = [each for each in folder.glob("*") if each.name not in parts and each not in skills]
+    return [each for each in inside if not re.fullmatch(LITTER, each.name)]
 
 
 def read_record(path: str | Path, /, **expected: Any) -> dict[str, Any]:

@@ -32,7 +32,7 @@ def read_table(path: str | Path) -> pd.DataFrame:
         text = path.read_text()
         if not text.endswith("\n"):
             raise ValueError("its last line has no end" if text else "it is empty")
-        _check_fields(text.splitlines())
+        _check_fields(text.split("\n"))  # splitlines() would also split a field that has an odd character
         return pd.read_csv(StringIO(text), float_precision="round_trip")  # rows that stay are not changed
     except ValueError as error:  # a UnicodeDecodeError is one, and so are pandas' errors of reading
         raise LogError(
@@ -41,9 +41,16 @@ def read_table(path: str | Path) -> pd.DataFrame:
 
 
 def _check_fields(lines: Sequence[str]) -> None:
-    """Raises a ValueError unless each row has as many fields as there are columns; the first line names these."""
+    """Raises a ValueError unless each row has as many fields as there are columns; the first line names these.
+
+    Empty lines are none, as pandas has it.
+    """
+    lines = [line for line in lines if line.strip("\r\n")]
     if any('"' in line for line in lines):  # a comma may be part of a field
-        counts = [len(row) for row in csv.reader(lines)]
+        try:
+            counts = [len(row) for row in csv.reader(lines)]
+        except csv.Error as error:  # which is no ValueError
+            raise ValueError(str(error)) from error
     else:
         counts = [line.count(",") + 1 for line in lines]
     for number, count in enumerate(counts):
@@ -111,7 +118,7 @@ class MetricsLog:
             lines = self.path.read_text().splitlines(keepends=True) if self.path.is_file() else []
             if lines and not lines[-1].endswith("\n"):
                 lines.pop()  # it was cut off
-            if rows and lines and self.first not in (None, lines[0].strip().split(",")[0]):
+            if rows and lines and self.first not in (None, lines[0].strip().split(",")[0].strip('"')):
                 raise ValueError(f"its first column is not {self.first}")
             _check_fields(lines[: rows + 1])
         except ValueError as error:  # a UnicodeDecodeError is one

@@ -112,8 +112,13 @@ class Run:
                 or where the tables are those of another. Nothing is touched then.
             DamagedCheckpointError: if the newest checkpoint is not as it was written. Nothing is touched then.
             LogError: if a table of the run has lost rows.
+            InvalidValueError: if something else lies where it would save what it trains.
         """
         self.components = {**components, "run": self, "rng": GlobalRNGState()}
+        for name in SAVED:
+            checkpoint.check_place(
+                self.work / name
+            )  # before hours of training, and before anything is deleted
         for name in ("best", "last"):
             put_back(self.work / name)
         found, previous = None, PreviousRun(self.results, self.work, self.record)
@@ -176,8 +181,7 @@ class Run:
         """Adds a row at `env_steps` and moves the bar.
 
         Raises:
-            DivergedError: if a loss is no finite number. Neither the row nor anything after it is written: the run goes
-                on from its last checkpoint.
+            DivergedError: if a loss is no finite number. Neither the row nor anything after it is written.
         """
         check_losses(row, f"after {env_steps} environment steps of {self.work}")
         now = time.perf_counter()

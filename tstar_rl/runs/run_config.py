@@ -45,10 +45,11 @@ def read_config(folder: Path) -> dict[str, Any]:
         found = yaml.load(text, LOADER)
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise DamagedConfigError(_damaged(file, " ".join(str(error).split()))) from error
-    versions_of = found.get("versions") if isinstance(found, dict) else None
-    whole = isinstance(versions_of, dict) and "commit" in versions_of  # the last that every run writes
-    if not isinstance(found, dict) or not whole or not text.endswith("\n"):
+    if not isinstance(found, dict) or not text.endswith("\n"):
         raise DamagedConfigError(_damaged(file, "it is empty or cut off"))
+    versions_of = found.get("versions")
+    if not isinstance(versions_of, dict) or "commit" not in versions_of:  # the last that every run writes
+        raise DamagedConfigError(_damaged(file, "it lacks versions.commit, so it is cut off"))
     return found
 
 
