@@ -103,6 +103,7 @@ def differences_figure(
     pairs: Iterable[Sequence[str]],
     labels: Mapping[str, str] | None = None,
     said: Mapping[tuple[str, str], str] | None = None,
+    absent_ok: bool = False,
 ) -> Figure:
     """Paired differences in progress of one task: a dot for each seed, mean, bootstrap interval and Student's t.
 
@@ -111,8 +112,9 @@ def differences_figure(
         pairs: see `experiments.compare_arms`.
         labels: of arms.
         said: what a pair is called; the others by their two arms.
+        absent_ok: see `experiments.compare_arms`.
     """
-    table, named, called = compare_arms(rows, pairs, absent_ok=True), labels or {}, said or {}
+    table, named, called = compare_arms(rows, pairs, absent_ok), labels or {}, said or {}
     if table.empty:
         return message("no two arms have a seed in common")
     by_seed = rows.pivot_table(index="seed", columns="arm", values="progress", observed=True)

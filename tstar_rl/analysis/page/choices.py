@@ -49,5 +49,5 @@ def draw_choices(experiment: Experiment, paper: Paper, entry: Entry, task: str, 
     if not entry.choices or compare_arms(rows, tuple(entry.choices.values()), absent_ok=True).empty:
         return []
     said = {pair: fill(words.replace("**", ""), WIDTH) for words, pair in entry.choices.items()}
-    figure = differences_figure(rows, list(said), said=said)
+    figure = differences_figure(rows, list(said), said=said, absent_ok=True)
     return [save_figure(figure, figures / f"{entry.prefix}{task}_choices.png")]

@@ -242,6 +242,6 @@ def draw_experiment(experiment: Experiment, paper: Paper, entry: Entry, figures:
             )
         )
         if len(compare_arms(rows, entry.pairs, absent_ok=True)):
-            drawn = differences_figure(rows, entry.pairs, called)
+            drawn = differences_figure(rows, entry.pairs, called, absent_ok=True)
             found.append(save_figure(drawn, figures / f"{entry.prefix}{task}_differences.png"))
     return found
