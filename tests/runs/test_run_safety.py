@@ -10,9 +10,11 @@ import pytest
 import torch
 from saved_run import a_run, a_run_that_saved, contents
 
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.runs import checkpoint, lock, versions
 from tstar_rl.runs.csv_tables import LogError
 from tstar_rl.runs.lock import RunInUseError
+from tstar_rl.runs.run import Run
 
 ROOT = Path(__file__).resolve().parents[2]
 HOLD = "import sys; from pathlib import Path; from tstar_rl.runs import lock; lock.hold(Path(sys.argv[1])); "
@@ -39,6 +41,13 @@ def test_the_second_of_two_runs_in_a_folder_is_stopped_and_touches_nothing(tmp_p
     first.kill()  # -9: nothing of its own runs any more
     first.wait()
     assert a_run(tmp_path).start(module=torch.nn.Linear(1, 1)) == 10
+
+
+def test_a_config_without_what_a_run_needs_is_told_what(tmp_path):
+    with pytest.raises(
+        InvalidValueError, match="config has no seed, progress_bar; it needs task, system, seed, "
+    ):
+        Run({"task": {"name": "t"}, "system": "s", "results_dir": "a", "runs_dir": "b", "resume": True})
 
 
 def test_a_folder_is_free_when_its_run_has_finished(tmp_path):

@@ -14,7 +14,7 @@ from typing import Any
 from torchrl.checkpoint import GlobalRNGState
 from tqdm import tqdm
 
-from tstar_rl.checks import check_losses
+from tstar_rl.checks import InvalidValueError, check_losses
 from tstar_rl.runs import checkpoint, lock
 from tstar_rl.runs.best_so_far import BestSoFar
 from tstar_rl.runs.csv_tables import LogError, MetricsLog
@@ -27,6 +27,8 @@ from tstar_rl.runs.run_folder import CHECKPOINTS, FINISHED, SAVED, UNFINISHED, r
 
 __all__ = ["Run"]
 
+NEEDED = ("task", "system", "seed", "results_dir", "runs_dir", "resume", "progress_bar")
+"""What a run reads of its config; of the task its name."""
 LOGS = ("metrics", "terminal_states", "calibration", "timing")
 
 
@@ -44,6 +46,7 @@ class Run:
         notes: what config.yaml says beside the config, of a run that begins anew.
 
     Raises:
+        InvalidValueError: if the config lacks one of `NEEDED`.
         RunInUseError: if another process runs in the same folder.
     """
 
@@ -56,6 +59,10 @@ class Run:
         unread: Sequence[str] = (),
         notes: Mapping[str, Any] | None = None,
     ) -> None:
+        if lacking := [name for name in NEEDED if name not in config]:
+            raise InvalidValueError(
+                f"a run's config has no {', '.join(lacking)}; it needs {', '.join(NEEDED)}"
+            )
         place = (config["task"]["name"], config["system"], config["seed"], subtask)
         self.results = run_path(config["results_dir"], *place)
         self.work = run_path(config["runs_dir"], *place)
