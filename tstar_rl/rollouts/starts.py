@@ -13,7 +13,7 @@ from tstar_rl.checks import InvalidValueError
 from tstar_rl.rollouts.state_sets import StateSet, TerminationSet
 from tstar_rl.rollouts.terminal_gaussian import TerminalGaussian
 from tstar_rl.transforms import SkillChainReset
-from tstar_rl.transforms.skill_chain_reset import Starts
+from tstar_rl.transforms.skill_chain_reset import Starts, sample
 
 __all__ = [
     "SOURCES",
@@ -61,14 +61,9 @@ class MixedStarts:
             rows = (chosen == index).nonzero().squeeze(-1)
             if not len(rows):
                 continue
-            drawn = source.sample(len(rows), generator)
+            drawn = sample(source, len(rows), generator)
             if not drawn.batch_size[0]:
                 return TensorDict(batch_size=[0])
-            if drawn.batch_size[0] != len(rows):
-                raise InvalidValueError(
-                    f"{type(source).__name__}.sample({len(rows)}) gave {drawn.batch_size[0]} starts: it must give as "
-                    "many as it is asked for, or none while it has none"
-                )
             order.append(rows)
             pieces.append(drawn.get("snapshot", drawn))
         together: TensorDictBase = torch.cat(pieces)  # pyright: ignore[reportAssignmentType]

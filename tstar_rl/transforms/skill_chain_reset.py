@@ -19,6 +19,21 @@ class Starts(Protocol):
         ...
 
 
+def sample(starts: Starts, n: int, generator: torch.Generator) -> TensorDictBase:
+    """n starts of a source, batch size [n]; [0] while it has none.
+
+    Raises:
+        InvalidValueError: if it gives another number of them.
+    """
+    drawn = starts.sample(n, generator)
+    if drawn.batch_size[0] not in (0, n):
+        raise InvalidValueError(
+            f"{type(starts).__name__}.sample({n}) gave {drawn.batch_size[0]} starts: it must give as many as it is "
+            "asked for, or none while it has none"
+        )
+    return drawn
+
+
 class SkillChainReset(Transform):
     """At a reset, puts a share of the simulations into states drawn from `starts`.
 
@@ -117,15 +132,10 @@ class SkillChainReset(Transform):
         use = rows.clone()
         use[rows] = torch.rand(int(rows.sum()), generator=self.generator) < self.probability
         count = int(use.sum())
-        drawn = self.starts.sample(count, self.generator) if count else None
+        drawn = sample(self.starts, count, self.generator) if count else None
         if drawn is None or drawn.batch_size[0] == 0:
             self.draws["environment"] += int(rows.sum())
             return None
-        if drawn.batch_size[0] != count:
-            raise InvalidValueError(
-                f"{type(self.starts).__name__}.sample({count}) gave {drawn.batch_size[0]} starts: it must give as many "
-                "as it is asked for, or none while it has none"
-            )
         self.draws["chained"] += count
         self.draws["environment"] += int(rows.sum()) - count
         drawn = drawn.get("snapshot", drawn)
