@@ -16,15 +16,15 @@ from tstar_rl.runs.run_folder import FINISHED, run_path
 __all__ = ["check_chain", "check_evaluation", "is_evaluated"]
 
 
-def is_evaluated(config: DictConfig, furniture: str | None = None) -> bool:
+def is_evaluated(config: DictConfig, furniture: dict[str, str]) -> bool:
     """Whether a table that is there is complete, and not older than the end of any run that it is of.
 
     Args:
         config: of the evaluation.
-        furniture: the digest of the task's file of furniture; None: it is not compared.
+        furniture: what is noted of the task's file of furniture, {FURNITURE: digest}; {}: it is not compared.
     """
     results, runs = run_folder(config, "results_dir"), evaluated_runs(config)
-    check_evaluation(results, plain(config) | ({FURNITURE: furniture} if furniture else {}))
+    check_evaluation(results, plain(config) | furniture)
     file = results / "evaluation.csv"
     if not all((run / FINISHED).is_file() for run in runs) or of_an_earlier_training(file, config):
         return False

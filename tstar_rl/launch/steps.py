@@ -96,7 +96,7 @@ def is_done(
         return False
     from tstar_rl.env.task_tables import furniture_digest  # with torch, which checks of values do without
 
-    furniture = None if other_code else furniture_digest(config.task.name)
+    furniture = {} if other_code else {FURNITURE: furniture_digest(config.task.name)}
     if step[0] == "make_demonstrations":
         for part, kind in product(demonstrated(config), config.kinds):
             check_made(config, part, kind, furniture=not other_code)
@@ -110,7 +110,7 @@ def is_done(
     asked = {name: value for name, value in plain(config).items() if name not in ignored}
     if config.demonstrations.get("file") and (read := saved.get(DEMONSTRATIONS_READ)):
         asked[DEMONSTRATIONS_READ] = read | digests_of_file(config, read)
-    asked = known_then(saved, asked | {"recipe": step[0]} | ({FURNITURE: furniture} if furniture else {}))
+    asked = known_then(saved, asked | {"recipe": step[0]} | furniture)
     begun = as_begun(saved, asked)
     check_config(results, saved, begun)
     return bool(saved) and begun == asked

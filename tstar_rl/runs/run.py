@@ -123,9 +123,8 @@ class Run:
         """
         self.components = {**components, "run": self, "rng": GlobalRNGState()}
         for name in SAVED:
-            checkpoint.check_place(
-                self.work / name
-            )  # before hours of training, and before anything is deleted
+            # before hours of training, and before anything is deleted
+            checkpoint.check_place(self.work / name)
         for name in ("best", "last"):
             put_back(self.work / name)
         found, previous = None, PreviousRun(self.results, self.work, self.record)
