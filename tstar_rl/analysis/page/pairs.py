@@ -78,7 +78,7 @@ def seams(experiment: Experiment, paper: Paper, entry: Entry, task: str, arms: S
         lines.append([*line, *_told(told.loc[subtask] if subtask in told.index else None, int(row["seeds"]))])
     next_one = "the next succeeds"
     header = ["seam", "seeds", f"{next_one}: {arm_label(paper, first)}", arm_label(paper, second)]
-    header += ["difference [95%, Student's t]", "AUC of the first's signal [95%]", "its spread"]
+    header += ["difference [95%, Student's t]", "AUC of the first arm's signal [95%]", "its spread"]
     if told.empty:
         header, lines = header[:-2], [line[:-2] for line in lines]
     return table(header, lines) if lines else ""
