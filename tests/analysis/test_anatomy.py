@@ -75,6 +75,12 @@ def test_the_figure_has_a_dot_for_each_seed(tables):
     )
     assert [len(dots.get_offsets()) for dots in off.collections] == [2, 2]
     assert len(succeeds.collections) == len(own.collections) == 2 and len(kept.collections) == 1
+    without = anatomy_figure(
+        deciding_inputs(tables[0], SYSTEMS[0]), found.assign(kept=math.nan), {name: name for name in SYSTEMS}
+    )
+    assert [axes.get_title() for axes in without.axes] == [
+        axes.get_title() for axes in figure.axes[:-1]
+    ]  # no gate, no panel
     assert "hand_over_gap" in anatomy_figure(found, found[:0], {}).axes[0].texts[0].get_text()
 
 

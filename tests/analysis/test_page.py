@@ -40,6 +40,7 @@ QUOTED = [
     "further_training: buffer_no_gate - no_finetuning", "recovery: recover_always - no_finetuning",
     "exchanged: ends", "exchanged: taking over",
     "input_floor: floored - no_finetuning", "input_floor: tstar - no_finetuning",
+    "input_floor chair_ingolf: floored - no_finetuning",
     "d_omega: tstar_no_gate - buffer_bonus_no_gate",
     "further_training: tstar_no_gate - buffer_bonus_no_gate", "further_training: tstar_no_gate - buffer_no_gate",
     "further_training: tstar_no_gate - gaussian_no_gate",

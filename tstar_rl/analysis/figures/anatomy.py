@@ -45,7 +45,7 @@ def anatomy_figure(falls: pd.DataFrame, table: pd.DataFrame, systems: Mapping[st
     """A row of panels for each seam, left to right: what decides, how far off it is, who succeeds, what is kept.
 
     Skills are counted from one. A dot is a seed, a bar or a black line a mean. In the second panel a dashed line says
-    how far off the next skill's own starts are: what it saw.
+    how far off the next skill's own starts are: what it saw. Chains without a gate have no panel of turns kept.
 
     Args:
         falls: of `deciding_inputs`.
@@ -55,7 +55,8 @@ def anatomy_figure(falls: pd.DataFrame, table: pd.DataFrame, systems: Mapping[st
     seams = sorted(set(table["subtask"])) if len(table) else []
     if not seams:
         return message("no seams yet: python recipes/hand_over_gap.py")
-    columns = 1 + len(TITLES)
+    titles = {what: title for what, title in TITLES.items() if table[what].notna().any()}
+    columns = 1 + len(titles)
     figure, grid = panels(len(seams), columns, (2.5 * columns, 0.9 + 1.5 * len(seams)))
     for line, seam in zip(grid, seams, strict=True):
         rows = table[table["subtask"] == seam]
@@ -63,7 +64,7 @@ def anatomy_figure(falls: pd.DataFrame, table: pd.DataFrame, systems: Mapping[st
         _decides(line[0], falls.loc[seam])
         line[0].set_title(f"skill {seam} hands over to {seam + 1}: what decides", fontsize=8)
         line[0].set_xlabel("AUC falls by, if shuffled", fontsize=8)
-        for axes, (what, title) in zip(line[1:], TITLES.items(), strict=True):
+        for axes, (what, title) in zip(line[1:], titles.items(), strict=True):
             _chains(axes, rows, what, systems)
             axes.set_title(title, fontsize=8)
             axes.tick_params(axis="x", labelsize=8)
