@@ -18,7 +18,7 @@ from omegaconf import DictConfig
 from torchrl.envs import set_exploration_type
 
 from tstar_rl import FurnitureEnv
-from tstar_rl.chaining.chain import ChainPolicy, chain_folders
+from tstar_rl.chaining.chain import ChainPolicy, chain_folders, chain_record
 from tstar_rl.checks import InvalidValueError, MissingFileError
 from tstar_rl.config.build import environment, load_skill
 from tstar_rl.config.demonstrations import demonstrated, demonstrations_seed, load_demonstrations, part_name
@@ -158,7 +158,8 @@ def _episodes(config: DictConfig) -> Recording:
     refuse_recovery(folders[0])
     _check_world(config)
     check_world(config, folders[0])
-    skills = [load_skill(folder, task=config.task.name).to(config.device) for folder in folders]
+    whole = chain_record(folders[0])  # one that a training replaces meanwhile is not read by halves
+    skills = [load_skill(folder, task=config.task.name, chain=whole).to(config.device) for folder in folders]
     if chain and len(skills) < config.task.subtasks:
         raise InvalidValueError(
             f"{path} is a chain of {len(skills)} of {config.task.subtasks} skills, whose episodes do not end with it: "

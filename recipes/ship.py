@@ -14,7 +14,7 @@ from typing import Any
 import pandas as pd
 from omegaconf import DictConfig
 
-from tstar_rl.chaining.chain import chain_folders
+from tstar_rl.chaining.chain import chain_folders, chain_record
 from tstar_rl.chaining.skill import Skill
 from tstar_rl.checks import MissingFileError
 from tstar_rl.config.check import ConfigError
@@ -38,9 +38,9 @@ SAME = ("task", "env", "networks", "training")
 def main(config: DictConfig) -> None:
     """Writes the file and says how large it is."""
     _check_variant(config)
-    skills = [
-        Skill.load(folder, task=config.task.name, subtask=i) for i, folder in enumerate(_folders(config))
-    ]
+    folders = _folders(config)
+    same = {"task": config.task.name, "chain": chain_record(folders[0])}  # not halves of two chains
+    skills = [Skill.load(folder, subtask=i, **same) for i, folder in enumerate(folders)]
     results = run_folder(config, "results_dir")
     saved, figures = _config_of(results, config), _figures_of(results, config)
     path = Path(config.into) / config.task.name / config.variant

@@ -103,6 +103,7 @@ def _missing(module: str, extra: str, why: str) -> MissingExtraError:
 
 RANGES = {
     "count": ("at least 1", lambda value: value >= 1),
+    "count_from_0": ("at least 0", lambda value: value >= 0),
     "positive": ("positive", lambda value: 0 < value < math.inf),
     "not_negative": ("not negative", lambda value: 0 <= value < math.inf),
     "share": ("in [0, 1]", lambda value: 0 <= value <= 1),
@@ -126,7 +127,7 @@ def check_ranges(settings: Any, **kinds: Sequence[str]) -> None:
     for kind, names in kinds.items():
         said, fits = RANGES[kind]
         number, called = (
-            (numbers.Integral, "a whole number") if kind == "count" else (numbers.Real, "a number")
+            (numbers.Integral, "a whole number") if kind.startswith("count") else (numbers.Real, "a number")
         )
         for name in names:
             value = getattr(settings, name)

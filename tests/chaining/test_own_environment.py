@@ -2,8 +2,10 @@
 
 from types import SimpleNamespace
 
+import pytest
 import torch
 from point_chain import PointChain
+from saved_run import a_run
 from torchrl.data import Bounded, Unbounded
 
 import tstar_rl as rl
@@ -110,3 +112,15 @@ def test_turns_train_it_and_its_skills_come_back(tmp_path):
     assert again.actions == ACTIONS and again.obs_dim == OBSERVED
     for name, values in skills[0].policy.state_dict().items():
         assert torch.equal(values, again.policy.state_dict()[name])
+
+
+def test_a_training_whose_run_has_no_end_is_refused(tmp_path):
+    """It would train nothing, and save the skill as if it had."""
+    skill = rl.Skill(
+        "push", 0, rl.NetworkSettings(hidden=(8,)), capacity=8, obs_dim=OBSERVED, actions=ACTIONS
+    )
+    with pytest.raises(rl.InvalidValueError, match=r"give Run\(\.\.\., total=<steps>\)"):
+        rl.SkillTraining(
+            skill=skill, expert=None, run=a_run(tmp_path), settings=None, collection=None, seed=0,
+            warm_start=None, checkpoint_every=1, save=print,
+        )  # fmt: skip

@@ -224,3 +224,18 @@ def test_a_floor_that_a_network_was_not_made_with_is_told(point_chain, monkeypat
 
     monkeypatch.setattr(TurnUpdates, "policy_update", asked_for_before)
     point_chain("policy_sequencing", "chain.gate=false", "chain.links=2", "chain.steps_per_turn=512")
+
+
+def test_a_networks_loss_is_the_same_in_every_turn(point_chain, monkeypatch):
+    """That of the first turn would go on, and another not be heard of."""
+
+    def taught(turn):
+        turn.labelled_update("further", turn.skill, lambda said, label: said.sum(), LabelledSettings())
+        return policy_update(turn)
+
+    policy_update = TurnUpdates.policy_update
+    monkeypatch.setattr(TurnUpdates, "policy_update", taught)
+    with pytest.raises(
+        InvalidValueError, match="update_further goes on with the distance of the skill's last turn"
+    ):
+        point_chain("policy_sequencing", "chain.gate=false", "chain.links=2", "chain.rounds=2")

@@ -145,3 +145,16 @@ def test_a_chain_that_lies_nearby_is_named(chain, tmp_path):
     assert [skill.subtask for skill in load_chain(str(chain))] == [
         skill.subtask for skill in load_chain(chain)
     ]
+
+
+def test_a_chain_that_a_kill_left_aside_is_not_lost_where_the_next_save_fails(chain, monkeypatch):
+    """The kill came after the old chain was moved away, and before the new one took its place."""
+    chain.rename(chain.with_name(f".last.old-{'0' * 32}"))
+
+    def no_space(*arguments, **record):
+        raise OSError("disk full")
+
+    monkeypatch.setattr(Skill, "save", no_space)
+    with pytest.raises(OSError, match="disk full"):
+        save_chain([Skill("table_lack", 0, SMALL)], chain)
+    assert [skill.subtask for skill in load_chain(chain)] == [0, 1, 2]

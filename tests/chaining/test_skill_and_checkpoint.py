@@ -197,3 +197,13 @@ def test_what_is_drawn_on_a_device_leaves_its_generator_as_it_was(device):
     torch.manual_seed(0)
     drawn = [torch.rand(3, device=device) for _ in range(2)]
     assert torch.equal(first, drawn[0]) and torch.equal(second, drawn[1])
+
+
+def test_an_agent_of_a_newer_version_is_refused_by_what_is_not_known(tmp_path):
+    agent = make_agent()
+    built = {"latent_model": {"depth": 3}, "obs_dim": agent.obs_dim, "geometry": None}
+    agent.save(tmp_path / "newer", built=built)
+    with pytest.raises(
+        CheckpointMismatchError, match="newer: the latent model has a setting depth, which this version"
+    ):
+        SpirlAgent.load(tmp_path / "newer")

@@ -59,6 +59,21 @@ def test_skills_chained_as_they_are_may_be_one(trained):
     assert load_recipe("ship")._folders(config) == [skill]
 
 
+@pytest.mark.parametrize("name", ["ship", "export"])
+def test_a_chain_that_is_replaced_while_it_is_read_goes_out_as_no_mixture(trained, say, monkeypatch, name):
+    run, load = Path("runs/table_lack/tstar/seed4/last"), Skill.load
+
+    def replaced_after_the_first(path, **expected):
+        found = load(path, **expected)
+        if path.name == "skill0":
+            save_chain([Skill("table_lack", i, found.settings) for i in range(2)], run)
+        return found
+
+    monkeypatch.setattr(Skill, "load", replaced_after_the_first)
+    values = {"ship": ["variant=mended", "says=fine-tuned"], "export": [f"path={run}", "formats=[hdf5]"]}
+    assert "skill1 does not belong here: chain.id was" in say(name, "scale=narrow", "seed=4", *values[name])
+
+
 def test_a_chain_is_shipped_with_what_is_known_of_it(trained, call, capsys):
     call("ship", "scale=narrow", "seed=4", "variant=mended", "says=fine-tuned", "signal=true")
     assert "runs/shipped/table_lack/mended: 2 skills, " in capsys.readouterr().out

@@ -98,3 +98,17 @@ def test_a_column_added_by_a_process_that_is_killed_loses_nothing(tmp_path, monk
         with pytest.raises(KeyboardInterrupt):
             change()
         assert (tmp_path / "log.csv").read_text() == "a\n1\n"
+
+
+def test_a_log_goes_on_whatever_its_names_and_fields_hold(tmp_path):
+    row = {"a": 1, "x,y": "one\x1c\u2028line"}
+    for names in (("log.csv", "a"), ("other.csv", None)):
+        log = MetricsLog(tmp_path / names[0], names[1])
+        log.extend([row, row])
+        again = MetricsLog(tmp_path / names[0], names[1])
+        again.truncate(1)
+        again.append({**row, "b": 2})
+        table = read_table(tmp_path / names[0])
+        assert list(table.columns) == ["a", "x,y", "b"] and table["x,y"].tolist() == [row["x,y"]] * 2
+    with pytest.raises(LogError, match="its first column is not b"):
+        MetricsLog(tmp_path / "log.csv", "b").check(1)

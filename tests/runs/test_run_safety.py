@@ -187,3 +187,16 @@ def test_checkpoints_come_every_so_many_steps_and_hold_what_has_settled(tmp_path
         run.log(steps)
         run.save_if_due(15)
     assert settled == [20, 40, 60]
+
+
+def test_a_fork_of_the_process_that_holds_a_folder_does_not(tmp_path):
+    fork = (
+        "import os\n"
+        "if os.fork():\n    raise SystemExit(os.waitstatus_to_exitcode(os.wait()[1]))\n"
+        "try:\n    lock.hold(Path(sys.argv[1]))\n"
+        "except lock.RunInUseError:\n    os._exit(7)\n"
+        "os._exit(0)"
+    )
+    other = other_process("\n" + fork, str(tmp_path / "run"))
+    other.communicate()
+    assert other.returncode == 7

@@ -96,8 +96,9 @@ def check_order(skills: Sequence[Skill]) -> None:
 def save_chain(skills: Sequence[Skill], path: str | Path, **record: Any) -> None:
     """Writes every skill of a chain to <path>/skill<i>, each with the record.
 
-    They take the place of what was at `path` together: a kill leaves the old chain or the new one. Each also records
-    which chain it is of and how many skills that has, so that none can be lost unnoticed.
+    They take the place of what was at `path` together: a kill leaves the old chain or the new one, the old one perhaps
+    beside it, from where the next save or run puts it back (`files.put_back`). Each also records which chain it is of
+    and how many skills that has, so that none can be lost unnoticed.
 
     Raises:
         InvalidValueError: for skills that make no chain (`check_order`), or a folder of something else

@@ -39,4 +39,4 @@ class ChainSettings:
     def __post_init__(self) -> None:
         check_choices(self, order=get_args(Order), kept_states=("all", "chained"), d_omega_of=("next", "own"))
         numbers = ("seed_episodes", "path_steps", "logged_skill", "logged_states")
-        check_ranges(self, count=("rounds",), not_negative=numbers)
+        check_ranges(self, count=("rounds",), count_from_0=numbers)

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -212,16 +212,10 @@ class Skill:
         Raises:
             CheckpointMismatchError: if its networks have a setting that this version does not know.
         """
-        known = {field.name for field in fields(NetworkSettings)}
-        if unknown := sorted(set(built["settings"]) - known):
-            raise CheckpointMismatchError(
-                f"the networks have a setting {unknown[0]}, which this version of tstar_rl does not know: a newer one "
-                "saved them"
-            )
         return cls(
             task,
             subtask,
-            NetworkSettings(**checkpoint.to_tuples(built["settings"])),
+            checkpoint.settings_of(NetworkSettings, built["settings"], "the networks have"),
             checkpoint.to_tensors(built["geometry"]),
             built.get("capacity", 1),
             built["obs_dim"],

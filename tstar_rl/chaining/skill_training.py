@@ -12,8 +12,13 @@ import torch
 from tensordict import TensorDictBase
 from torch import Tensor
 
-from tstar_rl.chaining.training import AnyUpdate, Training
+from tstar_rl.chaining.skill import Skill
+from tstar_rl.chaining.training import AnyUpdate, Training, TrainingSettings
 from tstar_rl.checks import InvalidValueError
+from tstar_rl.demonstrations.data_set import Demonstrations
+from tstar_rl.rollouts.collection import Collection
+from tstar_rl.rollouts.ray_collection import RayCollection
+from tstar_rl.runs.run import Run
 from tstar_rl.updates import BehaviourCloningSettings, behaviour_cloning
 
 __all__ = ["SkillTraining"]
@@ -23,7 +28,7 @@ class SkillTraining(Training):
     """The training of one skill from nothing, or from a warm start.
 
     Args:
-        *training: the arguments of `Training`.
+        skill, expert, run, settings, collection, seed: see `Training`.
         warm_start: clones the demonstrations first; None: no warm start.
         checkpoint_every: environment steps between checkpoints.
         save: writes the skill as "best" or "last", at a number of steps. The best is the skill after the update on the
@@ -32,12 +37,18 @@ class SkillTraining(Training):
 
     def __init__(
         self,
-        *training: Any,
+        skill: Skill,
+        expert: Demonstrations,
+        run: Run,
+        settings: TrainingSettings,
+        collection: Collection | RayCollection,
+        seed: int,
+        *,
         warm_start: BehaviourCloningSettings | None,
         checkpoint_every: int,
         save: Callable[[str, int], None],
     ) -> None:
-        super().__init__(*training)
+        super().__init__(skill, expert, run, settings, collection, seed)
         self.warm_start, self.checkpoint_every, self.save = warm_start, checkpoint_every, save
         self.updates: dict[str, Any] = {}
 
@@ -52,7 +63,7 @@ class SkillTraining(Training):
             expert = self.expert
             behaviour_cloning(skill.policy, expert.observations, expert.actions, self.warm_start, self.seed)
             torch.manual_seed(self.seed)
-        while self.steps < run.total:
+        while self.steps < self.total:
             rollout = self._collect(self.progress)
             yield rollout
             run.log(self.steps, **self._finish_rollout(rollout))

@@ -77,6 +77,9 @@ class Training:
         settings: see `TrainingSettings`.
         collection: makes rollouts with the skill's policy.
         seed: of the updates.
+
+    Raises:
+        InvalidValueError: if the run was not given a total.
     """
 
     def __init__(
@@ -88,7 +91,12 @@ class Training:
         collection: Collection | RayCollection,
         seed: int,
     ) -> None:
+        if run.total is None:
+            raise InvalidValueError(
+                "a training ends when its run's steps are done: give Run(..., total=<steps>)"
+            )
         self.skill, self.expert, self.run, self.settings = skill, expert, run, settings
+        self.total = run.total
         self.collection, self.seed, self.steps = collection, seed, run.env_steps
         self.own: set[str] = set()
         """Names of the updates that `keep` made."""
@@ -98,7 +106,7 @@ class Training:
     @property
     def progress(self) -> float:
         """The share of the run's steps that has been collected, in [0, 1]."""
-        return min(self.steps / self.run.total, 1.0)  # the last rollout may end beyond
+        return min(self.steps / self.total, 1.0)  # the last rollout may end beyond
 
     def discriminator_update(
         self, name: str, skill: Skill, settings: DiscriminatorSettings, **labels: float

@@ -124,9 +124,9 @@ class _Notes:
         self.running &= ~(made | done)
         if bool(made.any()):
             end = {
-                "observation": reached[made].clone(),
-                "snapshot": self.env.base_env.snapshot()[made].clone(),
-                "over": done[made].clone(),
+                "observation": reached[made],  # rows drawn by a mask are a copy
+                "snapshot": self.env.base_env.snapshot()[made],
+                "over": done[made],
             }
             simulations = made.nonzero().squeeze(-1)
             self.ended.append((simulations, TensorDict(end, [len(simulations)])))

@@ -84,6 +84,11 @@ class TurnUpdates(Training):
         if skill is self.following:  # what pays this turn
             self.chain.asked.add(f"{skill.subtask}/{name}")
         known = self._known(LabelledUpdate, name, skill, settings)
+        if known is not None and known.loss.distance is not distance:
+            raise InvalidValueError(
+                f"update_{name} goes on with the distance of the skill's last turn, got another: give one function, "
+                "made once, in every turn"
+            )
         return self._teach(name, skill, known or super().labelled_update(name, skill, distance, settings))
 
     def learned(self, name: str, skill: Skill) -> Discriminator | None:

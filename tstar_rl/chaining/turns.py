@@ -109,7 +109,7 @@ class Turn(TurnUpdates):
         }
         updates = {name: each.state_dict() for name, each in self.kept.items() if name != "collection"}
         updates.get("update_policy", {}).pop("carried", None)
-        return deepcopy(state | updates)
+        return state | deepcopy(updates)  # an optimiser gives its own tensors
 
     def _undo(self) -> None:
         """Puts back what the turn has changed; what it is now can be loaded again."""
@@ -118,11 +118,11 @@ class Turn(TurnUpdates):
 
     def _load(self, state: dict[str, Any]) -> None:
         """What `_state` gave."""
-        state = deepcopy(state)
-        self.skill.load_state_dict(state.pop("skill"))
-        for index, networks in state.pop("others").items():
+        self.skill.load_state_dict(state["skill"])
+        for index, networks in state["others"].items():
             self.chain.skills[index].load_network_state(networks)
-        for name, each in state.items():
+        updates = {name: each for name, each in state.items() if name not in ("skill", "others")}
+        for name, each in deepcopy(updates).items():  # an optimiser takes them as its own
             self.kept[name].load_state_dict(each)
 
     def _log_terminal_states(self, rollout: TensorDictBase) -> None:

@@ -1,6 +1,7 @@
 """Which checkpoints an evaluation is asked for by its command line, where they lie, and what their training took."""
 
 import math
+import re
 from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
@@ -63,7 +64,7 @@ def spent_on(config: DictConfig, results: Path, found: Found) -> dict[str, float
     chain that lies in no run's folder and says nothing of its skills. The best checkpoint cost what the last one did:
     its whole run was needed to tell that it is the best.
     """
-    in_chain = found.folders[0].name.startswith("skill")
+    in_chain = re.fullmatch(r"skill\d+", found.folders[0].name) is not None
     if in_chain and not found.chain:
         return dict.fromkeys(SPENT, math.nan)
     own = spent_by({folder.parents[1 if in_chain else 0] for folder in found.folders})

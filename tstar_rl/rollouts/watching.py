@@ -25,7 +25,7 @@ class EpisodeLog:
 
     Args:
         env: with `qpos_of`, and snapshots=True.
-        number: how many simulations are recorded, from the first on; None: all. That takes 4 (nq + 5) bytes a step of
+        number: how many simulations are recorded, from the first on; None: all. That takes about 4 nq bytes a step of
             each.
         signals: what else to remember of each step, by name.
         enough: subtasks after which an episode has succeeded and is over; None: the environment says when.

@@ -8,8 +8,9 @@ import re
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import fields
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import torch
 from torchrl.checkpoint import (
@@ -34,11 +35,12 @@ __all__ = [
     "read_record",
     "save",
     "save_step",
+    "settings_of",
     "to_plain",
     "to_tensors",
-    "to_tuples",
 ]
 
+Settings = TypeVar("Settings")
 MANIFEST = "manifest.json"
 PARTS = (MANIFEST, SEAL, "components")
 """What lies in a checkpoint's folder."""
@@ -205,6 +207,14 @@ def to_tensors(values: Mapping[str, Any] | None) -> dict[str, Any] | None:
     return {k: torch.tensor(v) if isinstance(v, list) else v for k, v in values.items()}
 
 
-def to_tuples(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Fields of a settings object from a record, with every list a tuple."""
-    return {k: tuple(v) if isinstance(v, list) else v for k, v in values.items()}
+def settings_of(kind: type[Settings], saved: Mapping[str, Any], what: str) -> Settings:
+    """A settings object, a dataclass, from a record of its fields; lists become tuples.
+
+    Raises:
+        CheckpointMismatchError: if `what` ("the networks have", say) a setting that this version does not know.
+    """
+    if unknown := sorted(set(saved) - {field.name for field in fields(kind)}):
+        raise CheckpointMismatchError(
+            f"{what} a setting {unknown[0]}, which this version of tstar_rl does not know: a newer one saved them"
+        )
+    return kind(**{name: tuple(value) if isinstance(value, list) else value for name, value in saved.items()})

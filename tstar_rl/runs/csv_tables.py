@@ -1,6 +1,7 @@
 """CSV tables that outlive a process killed at any moment: rows are added at the end, anything else is done at once."""
 
 import csv
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from io import StringIO
 from pathlib import Path
@@ -47,15 +48,20 @@ def _check_fields(lines: Sequence[str]) -> None:
     """
     lines = [line for line in lines if line.strip("\r\n")]
     if any('"' in line for line in lines):  # a comma may be part of a field
-        try:
-            counts = [len(row) for row in csv.reader(lines)]
-        except csv.Error as error:  # which is no ValueError
-            raise ValueError(str(error)) from error
+        counts = [len(row) for row in _split(lines)]
     else:
         counts = [line.count(",") + 1 for line in lines]
     for number, count in enumerate(counts):
         if count != counts[0]:
             raise ValueError(f"row {number} has {count} fields, and there are {counts[0]} columns")
+
+
+def _split(lines: Iterable[str]) -> list[list[str]]:
+    """The fields of each line, which may have commas; a ValueError for what cannot be split."""
+    try:
+        return list(csv.reader(lines))
+    except csv.Error as error:  # which is no ValueError
+        raise ValueError(str(error)) from error
 
 
 class MetricsLog:
@@ -110,15 +116,14 @@ class MetricsLog:
             return
         lines = self._lines(rows)
         _replace(self.path, "".join(lines[: rows + 1]))
-        self.columns, self.rows = lines[0].strip().split(","), rows
+        self.columns, self.rows = _split(lines[:1])[0], rows
 
     def _lines(self, rows: int) -> list[str]:
         """The whole lines of the file, the header and at least `rows`."""
         try:
-            lines = self.path.read_text().splitlines(keepends=True) if self.path.is_file() else []
-            if lines and not lines[-1].endswith("\n"):
-                lines.pop()  # it was cut off
-            if rows and lines and self.first not in (None, lines[0].strip().split(",")[0].strip('"')):
+            text = self.path.read_text() if self.path.is_file() else ""
+            lines = re.findall(r"[^\n]*\n", text)  # what has no end was cut off
+            if rows and lines and self.first not in (None, *_split(lines[:1])[0][:1]):
                 raise ValueError(f"its first column is not {self.first}")
             _check_fields(lines[: rows + 1])
         except ValueError as error:  # a UnicodeDecodeError is one

@@ -51,8 +51,9 @@ def replacing_folder(path: Path) -> Iterator[Path]:
     """Gives a folder to make: what is in it when the block ends replaces `path`. If the block fails, nothing does.
 
     It is on the disk before it takes its place, and before the caller removes what it makes needless: a machine that
-    loses its power has one or the other.
+    loses its power has one or the other. What a kill has left beside `path` is put back first: see `put_back`.
     """
+    put_back(path)
     remove_remains(path)
     stage = path.with_name(f".{path.name}.new-{uuid.uuid4().hex}")
     try:

@@ -11,8 +11,10 @@ from tstar_rl.checks import UserError
 __all__ = ["RunInUseError", "hold", "release"]
 
 NAME = "lock"
-_HELD: dict[Path, int] = {}
-"""Of this process: the open lock file of each folder. Closing any handle of the file would give its lock away."""
+_HELD: dict[tuple[int, Path], int] = {}
+"""The open lock file of each folder, and of which process: a fork inherits this, and no lock.
+
+Closing any handle of the file would give its lock away."""
 
 
 class RunInUseError(UserError, RuntimeError):
@@ -30,7 +32,7 @@ def hold(folder: Path) -> None:
     """
     folder.mkdir(parents=True, exist_ok=True)
     place = folder.resolve() / NAME
-    if place in _HELD:
+    if (os.getpid(), place) in _HELD:
         return
     handle = os.open(place, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
     try:
@@ -44,13 +46,13 @@ def hold(folder: Path) -> None:
             f"{folder} is in use by {holder or 'another process'}: wait until it ends, "
             "or give this run a place of its own (runs_dir=... results_dir=...) or another seed"
         ) from None
-    _HELD[place] = handle
+    _HELD[os.getpid(), place] = handle
     os.ftruncate(handle, 0)
     os.write(handle, f"process {os.getpid()} on {socket.gethostname()}\n".encode())
 
 
 def release(folder: Path) -> None:
     """Gives the folder back."""
-    handle = _HELD.pop(folder.resolve() / NAME, None)
+    handle = _HELD.pop((os.getpid(), folder.resolve() / NAME), None)
     if handle is not None:
         os.close(handle)

@@ -40,7 +40,7 @@ class Run:
             runs_dir, which say where the run lies, resume, progress_bar and, where they are there, env and furniture.
             Configs of a recipe also have "recipe", its name, and "furniture", the digest of the task's file.
         subtask: that the run trains, or None.
-        total: environment steps, for the bar.
+        total: environment steps after which the run ends; a `SkillTraining` and the turns of a chain need it.
         trials: whether the best so far is told by trials; see `BestSoFar`.
         unread: sections of the config that the recipe does not read: they may differ when the run is resumed.
         notes: what config.yaml says beside the config, of a run that begins anew.
@@ -54,7 +54,7 @@ class Run:
         self,
         config: Mapping[str, Any],
         subtask: int | None = None,
-        total: int = 0,
+        total: int | None = None,
         trials: bool = False,
         unread: Sequence[str] = (),
         notes: Mapping[str, Any] | None = None,

@@ -90,7 +90,8 @@ class SpirlAgent:
 
         Raises:
             FileNotFoundError: if there is none.
-            CheckpointMismatchError: if a value in `expected` (task=..., subtask=...) is not the saved one.
+            CheckpointMismatchError: if a value in `expected` (task=..., subtask=...) is not the saved one, or a newer
+                version saved it.
             InvalidValueError: if something else is saved there.
         """
         record = checkpoint.read_record(path, **expected)
@@ -100,7 +101,9 @@ class SpirlAgent:
         agent = cls(
             record["task"],
             record["subtask"],
-            LatentModelSettings(**checkpoint.to_tuples(built["latent_model"])),
+            checkpoint.settings_of(
+                LatentModelSettings, built["latent_model"], f"{path}: the latent model has"
+            ),
             built["obs_dim"],
             checkpoint.to_tensors(built["geometry"]),
         )

@@ -69,7 +69,7 @@ class LatentPolicySettings:
             self,
             count=("minibatch", "first"),
             positive=("target_divergence", "alpha", "learning_rate", "updates", "max_grad_norm"),
-            not_negative=("critic_warmup",),
+            count_from_0=("critic_warmup",),
             share=("gamma",),
             positive_share=("tau",),
         )

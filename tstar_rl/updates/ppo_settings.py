@@ -72,7 +72,8 @@ class PPOSettings:
                 "clip_epsilon",
                 "max_grad_norm",
             ),
-            not_negative=("entropy_coeff", "critic_warmup", "rate_warmup"),
+            count_from_0=("critic_warmup", "rate_warmup"),
+            not_negative=("entropy_coeff",),
             share=("gamma", "gae_lambda"),
             limit=("kl_stop",),
         )

@@ -67,8 +67,9 @@ their own starts. The *hand-over gap* is that product minus what the chain does:
 Both are plain means over seeds, while progress beside them is an interquartile mean, so they need not add up. Alone,
 many skills start from parts that were jittered as in training, which can be harder than what the skill before leaves:
 then the gap is negative, and the product no bound. Arms whose skills have other starts alone than these have neither.
-Tables of several tasks together, beside the paper's or beside goals leave it out: it stands in the table *Arms* of the same
-experiment and task; at the laptop scale, where it is about 0, *What the skills hand over* has what it is reckoned from.
+Tables of several tasks together, beside the paper's or beside goals leave it out: it stands in the table *Arms* of the
+same experiment and task; at the laptop scale, where it is about 0, *What the skills hand over* has what it is reckoned
+from.
 
 A dot is a seed in every figure but two kinds: what skills hand over shows means, and calibration has all turns and
 seeds together.

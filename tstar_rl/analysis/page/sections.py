@@ -11,6 +11,7 @@ from tstar_rl.analysis.page.markdown import (
     Paper,
     interval_of,
     labels,
+    millions,
     over_seeds,
     picture,
     share,
@@ -86,7 +87,7 @@ def budgets(evaluations: pd.DataFrame, paper: Paper, task: str) -> str:
             continue
         hours = known.get("hours", paper["hours"])
         long = f"{hours} h, {paper['workers']} workers" if "steps" in known and hours else NOTHING
-        steps = f"{last['env_steps'].mean() / 1e6:.2f}M" if last["env_steps"].mean() else "none"
+        steps = millions(last["env_steps"].mean()) if last["env_steps"].mean() else "none"
         rows.append([label, known.get("steps", NOTHING), long, steps, f"{last['minutes'].mean():.1f}"])
     header = ["system", "paper: steps", "paper: time", "ours: environment steps", "ours: minutes of one core"]
     return f"{TIME}\n{table(header, rows)}" if rows else ""

@@ -12,6 +12,7 @@ from tstar_rl.analysis.page.markdown import (
     Paper,
     arm_label,
     interval,
+    millions,
     over_seeds,
     table,
 )
@@ -62,7 +63,7 @@ def skills(evaluations: pd.DataFrame, task: str) -> str:
         sampled = pick(part, str(system), "last", "stochastic")
         row = [over_seeds(one["success"], percent=True) for one in (last, sampled, best)]
         trained = best if last.empty else last  # what else is there was kept on the way, as SPiRL's prior
-        steps = f"{trained['env_steps'].mean() / 1e6:.2f}M" if len(trained) else NOTHING
+        steps = millions(trained["env_steps"].mean())
         rows.append([f"{system}, subtask {subtask}", *row, steps, str(part["seed"].nunique())])
     return (
         table(["skill", "last", "last, sampled", "best", "environment steps", "seeds"], rows) if rows else ""
