@@ -103,7 +103,7 @@ def _missing(module: str, extra: str, why: str) -> MissingExtraError:
 
 RANGES = {
     "count": ("at least 1", lambda value: value >= 1),
-    "count_from_0": ("at least 0", lambda value: value >= 0),
+    "count_from_0": ("not negative", lambda value: value >= 0),
     "positive": ("positive", lambda value: 0 < value < math.inf),
     "not_negative": ("not negative", lambda value: 0 <= value < math.inf),
     "share": ("in [0, 1]", lambda value: 0 <= value <= 1),

@@ -26,7 +26,7 @@ PLAIN = ChainSettings(
         ({"d_omega_of": "nxt"}, "ChainSettings.d_omega_of must be one of next, own; got 'nxt'"),
         ({"kept_states": "al"}, "ChainSettings.kept_states must be one of all, chained; got 'al'"),
         ({"rounds": 0}, "ChainSettings.rounds must be at least 1, got 0"),
-        ({"path_steps": -1}, "ChainSettings.path_steps must be at least 0, got -1"),
+        ({"path_steps": -1}, "ChainSettings.path_steps must be not negative, got -1"),
         ({"logged_skill": 0.5}, "ChainSettings.logged_skill must be a whole number, got 0.5"),
     ],
 )
