@@ -64,6 +64,14 @@ def configs_are_parsed_once():
         yield
 
 
+@pytest.fixture(scope="session", autouse=True)
+def files_need_not_reach_the_disk():
+    """No test cuts the power, and each checkpoint would wait for the disk a dozen times."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, "fsync", lambda handle: None)
+        yield
+
+
 def pytest_configure() -> None:
     """One thread from the first import on, and nothing of what a user has set for recipes of his own."""
     torch.set_num_threads(1)

@@ -1,6 +1,7 @@
 """A chain that is killed and resumed writes the table of one that was not."""
 
 import pandas as pd
+import pytest
 import torch
 
 from tstar_rl.chaining.chain import load_chain
@@ -27,6 +28,7 @@ COARSE = ("+d_omega.bfloat16=true", "d_omega.steps=2", "d_omega.minibatch=32")
 """Few and small steps: where a processor has no such numbers, they are slow."""
 
 
+@pytest.mark.slow
 def test_a_signal_in_bfloat16_pays_the_same_after_a_kill(whole_and_resumed):
     """Killed in skill 0's second turn, which the d_omega pays that skill 1 has trained and has not made again."""
     values = (
@@ -42,6 +44,7 @@ def test_a_signal_in_bfloat16_pays_the_same_after_a_kill(whole_and_resumed):
     pd.testing.assert_frame_equal(whole, resumed)
 
 
+@pytest.mark.slow
 def test_a_further_network_in_bfloat16_is_resumed(whole_and_resumed):
     """A resumed chain is loaded before its skills, which have no d_seams until then."""
     values = ("chain.gate=false", "chain.links=3", "chain.rounds=2", "chain.steps_per_turn=512", *COARSE)

@@ -17,6 +17,7 @@ def test_around_workers_that_would_drop_the_starts_it_is_refused(make_env):
     )
     with pytest.raises(InvalidValueError, match="append it to the environment that each worker makes"):
         env.reset()
+    env.close()
 
 
 def test_around_environments_with_transforms_of_their_own_it_is_refused(make_env):
