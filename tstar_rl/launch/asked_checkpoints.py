@@ -127,9 +127,8 @@ def _check_that_it_lies_in(root: Path, below: Path, config: DictConfig) -> None:
         scale = CONFIGS / "scale" / f"{further}.yaml"
         given = f"runs_dir={Path(config.runs_dir) / further} results_dir={Path(config.results_dir) / further}"
         own = OmegaConf.load(scale).get("runs_dir") if scale.is_file() else None
-        if (
-            own is not None and Path(own) == Path(config.runs_dir) / further
-        ):  # a scale with folders of its own
+        has_folders = own is not None and Path(own) == Path(config.runs_dir) / further
+        if has_folders:
             given = f"scale={further}"
         raise InvalidValueError(
             f"path={config.path} lies in {further} of {root}: give the folders that it was trained with, {given}"
