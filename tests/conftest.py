@@ -15,6 +15,7 @@ from torchrl.envs import EnvBase
 from tstar_envs.furniture.library import FURTHER
 from tstar_rl.config.command_line import FULL_ERROR
 from tstar_rl.config.values import CONFIGS
+from tstar_rl.runs import versions
 
 pytest_plugins = [
     "recipe_runs",
@@ -61,6 +62,22 @@ def configs_are_parsed_once():
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(OmegaConf, "load", staticmethod(once))
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def git_is_asked_once():
+    """Every run asks it for the commit, and no test changes this checkout."""
+    ask, said = versions._git, {}
+
+    def once(*question: str) -> str:
+        asked = (*question, os.environ.get("PATH"))  # without it there is no git
+        if asked not in said:
+            said[asked] = ask(*question)
+        return said[asked]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(versions, "_git", once)
         yield
 
 

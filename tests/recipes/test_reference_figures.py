@@ -29,6 +29,7 @@ SMALL = [
     "training.horizon=96",
     "training.total_steps=6144",
     "training.checkpoint_every=6144",
+    "bc.epochs=6",
     "ppo.minibatch=512",
     "ppo.critic_warmup=0",
     "chain.steps_per_turn=6144",

@@ -13,7 +13,8 @@ from tstar_rl.transforms import EpisodeStart, SkillChainReset
 
 def test_around_workers_that_would_drop_the_starts_it_is_refused(make_env):
     env = TransformedEnv(
-        ParallelEnv(2, make_env, mp_start_method="fork"), SkillChainReset(FixedStarts(), probability=1.0)
+        ParallelEnv(2, make_env, mp_start_method="fork", shutdown_timeout=1.0),
+        SkillChainReset(FixedStarts(), probability=1.0),
     )
     with pytest.raises(InvalidValueError, match="append it to the environment that each worker makes"):
         env.reset()

@@ -9,6 +9,7 @@ import torch
 from gymnasium.utils.env_checker import check_env
 from tensordict import TensorDict
 from test_gymnasium_vector_env import ID, actions, make_vec
+from worlds import PIECES
 
 import tstar_envs
 from tstar_envs import rendering
@@ -27,7 +28,9 @@ def snapshot():
     return env.snapshot()
 
 
-@pytest.mark.parametrize("name", names())
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name not in PIECES)) for name in names()]
+)
 def test_every_piece_of_furniture_passes_gymnasiums_check_without_a_warning(name):
     blind = rendering.backend() is None
     with warnings.catch_warnings():

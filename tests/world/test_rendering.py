@@ -182,8 +182,10 @@ def test_where_nothing_can_be_drawn_one_sentence_says_so(monkeypatch, model, ask
     "also",
     [
         "",
-        # dm_control, which draws on the same display, ends it first
-        "dm = tstar_envs.load_dm('table_lack')\ndm.reset()\ndm.physics.render(48, 64, camera_id=0)\n",
+        pytest.param(  # dm_control, which draws on the same display, ends it first
+            "dm = tstar_envs.load_dm('table_lack')\ndm.reset()\ndm.physics.render(48, 64, camera_id=0)\n",
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_a_script_that_ends_without_closing_ends_without_a_traceback(renderer, also):

@@ -9,8 +9,13 @@ from tstar_envs import geometry
 
 
 @pytest.mark.parametrize(
-    "name", [*PIECES, "chair_bernhard", "table_dockstra"]
-)  # along an axis, from the side
+    "name",
+    [
+        *PIECES,
+        pytest.param("chair_bernhard", marks=pytest.mark.slow),  # along an axis
+        pytest.param("table_dockstra", marks=pytest.mark.slow),  # from the side
+    ],
+)
 def test_every_step_of_noisy_episodes_pays_what_the_definition_says(name):
     world = make(6, None, 1, name)
     task, tables, expert = world.task, world.task.tables, world.expert()
