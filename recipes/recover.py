@@ -45,7 +45,7 @@ def main(config: DictConfig) -> None:
             judged, curve = rl.judge_outcomes(skill, fresh.skills[index])
             log |= judged
             if curve is not None:
-                run.calibration.extend(rl.calibration_rows(steps, index - 1, "feasibility", curve))
+                run.tables.calibration.extend(rl.calibration_rows(steps, index - 1, "feasibility", curve))
         shares.append(recovery.share_of(logit))
         run.log(steps, skill=index, sent_home=shares[-1], **log)
     rule = {"settings": asdict(recovery), "shares": shares}

@@ -70,10 +70,12 @@ def git_is_asked_once():
     """Every run asks it for the commit, and no test changes this checkout."""
     ask, said = versions._git, {}
 
-    def once(*question: str) -> str:
-        asked = (*question, os.environ.get("PATH"))  # without it there is no git
+    def once(folder: Path, *question: str) -> str:
+        if not folder.is_relative_to(ROOT):  # a checkout of a test's own
+            return ask(folder, *question)
+        asked = (folder, *question, os.environ.get("PATH"))  # without it there is no git
         if asked not in said:
-            said[asked] = ask(*question)
+            said[asked] = ask(folder, *question)
         return said[asked]
 
     with pytest.MonkeyPatch.context() as patch:

@@ -213,10 +213,10 @@ def test_the_bar_says_the_mean_success_of_the_rows_so_far_and_then_of_the_last_o
 def test_terminal_states_and_the_best_so_far_are_resumed(tmp_path):
     run = a_run(tmp_path, trials=True)
     run.start()
-    run.terminal_states.extend(terminal_state_rows(5, 2, torch.tensor([[0.1234567, 1.0]])))
+    run.tables.terminal_states.extend(terminal_state_rows(5, 2, torch.tensor([[0.1234567, 1.0]])))
     run.log(10, trial_progress=0.8)
     run.save_if_due(0)
-    run.terminal_states.extend(terminal_state_rows(15, 2, torch.zeros(3, 2)))
+    run.tables.terminal_states.extend(terminal_state_rows(15, 2, torch.zeros(3, 2)))
     again = a_run(tmp_path, trials=True)
     assert again.start() == 10
     again.log(20, trial_progress=0.7)

@@ -96,7 +96,7 @@ class Turn(TurnUpdates):
             columns, curve = judge(name, signal, handed.starts, handed.succeeded, outcomes[label])
             found |= columns
             if curve is not None:
-                self.run.calibration.extend(calibration_rows(self.steps, self.index, name, curve))
+                self.run.tables.calibration.extend(calibration_rows(self.steps, self.index, name, curve))
         return found
 
     def _state(self) -> dict[str, Any]:
@@ -130,7 +130,7 @@ class Turn(TurnUpdates):
         if self.index == settings.logged_skill:
             reached = rollout["next", "observation"][rollout["next", "success"].squeeze(-1)]
             poses = reached[: settings.logged_states, PARTS:-NUM_PHASES]  # of all parts, (n, 7 P)
-            self.run.terminal_states.extend(terminal_state_rows(self.steps, self.index, poses))
+            self.run.tables.terminal_states.extend(terminal_state_rows(self.steps, self.index, poses))
 
 
 def chain_turns(chain: ChainTraining) -> Iterator[Turn]:

@@ -17,19 +17,19 @@ from tqdm import tqdm
 from tstar_rl.checks import InvalidValueError, check_losses
 from tstar_rl.runs import checkpoint, lock
 from tstar_rl.runs.best_so_far import BestSoFar
-from tstar_rl.runs.csv_tables import LogError, MetricsLog
+from tstar_rl.runs.csv_tables import LogError
 from tstar_rl.runs.files import flush, put_back, remove_folder, replacing
 from tstar_rl.runs.measured import chains_of, forget_measurements
 from tstar_rl.runs.mismatch import FURNITURE, MACHINE_ONLY, CheckpointMismatchError, as_begun, known_then
 from tstar_rl.runs.previous_run import PreviousRun
 from tstar_rl.runs.run_config import note_resumed, note_section, read_config, restore_config, write_config
 from tstar_rl.runs.run_folder import CHECKPOINTS, FINISHED, SAVED, UNFINISHED, run_path
+from tstar_rl.runs.run_tables import RunTables
 
 __all__ = ["Run"]
 
 NEEDED = ("task", "system", "seed", "results_dir", "runs_dir", "resume", "progress_bar")
 """What a run reads of its config; of the task its name."""
-LOGS = ("metrics", "terminal_states", "calibration", "timing")
 
 
 class Run:
@@ -44,6 +44,9 @@ class Run:
         trials: whether the best so far is told by trials; see `BestSoFar`.
         unread: sections of the config that the recipe does not read: they may differ when the run is resumed.
         notes: what config.yaml says beside the config, of a run that begins anew.
+
+    Attributes:
+        tables: what it logs; `log` adds to metrics and timing.
 
     Raises:
         InvalidValueError: if the config lacks one of `NEEDED`.
@@ -73,12 +76,9 @@ class Run:
         self.env_steps, self.seconds, self.turn = 0, 0.0, 0
         self.best = BestSoFar(trials)
         self.components: dict[str, Any] = {}
-        self.metrics = MetricsLog(self.results / "metrics.csv", "env_steps")
-        self.terminal_states = MetricsLog(self.results / "terminal_states.csv", "env_steps")
-        self.calibration = MetricsLog(self.results / "calibration.csv", "env_steps")
-        self.timing = MetricsLog(self.work / "timing.csv", "env_steps")
+        self.tables = RunTables(self.results, self.work)
         self._last_save, self._clock = 0, time.perf_counter()
-        self._kept: dict[str, int] = {}
+        self._kept: Mapping[str, Any] = {}
         label = config["system"] if subtask is None else f"{config['system']} {subtask}"
         self.bar = tqdm(
             total=total,
@@ -148,8 +148,7 @@ class Run:
         (self.work / FINISHED).unlink(missing_ok=True)  # before the rest: what is half deleted is not done
         for name in (CHECKPOINTS, *SAVED):
             remove_folder(self.work / name)
-        for name in LOGS:
-            getattr(self, name).truncate(0)
+        self.tables.truncate({})
         write_config(self.results, {**self.config, **self.notes})
 
     def _go_on(self, found: Path, previous: PreviousRun) -> None:
@@ -167,8 +166,7 @@ class Run:
         if changed:
             self._forget_measurements()  # of the run with fewer steps
         (self.work / FINISHED).unlink(missing_ok=True)  # before the rest: until it is done again
-        for name, rows in self._kept.items():
-            getattr(self, name).truncate(rows)
+        self.tables.truncate(self._kept)
         if not read_config(self.results):
             restore_config(self.results, self.config)
         note_resumed(self.results, self.env_steps)
@@ -195,8 +193,9 @@ class Run:
         self.seconds, self._clock = self.seconds + now - self._clock, now
         self.env_steps = env_steps
         self.best.add(row)
-        self.metrics.append({"env_steps": env_steps, **row})
-        self.timing.append({"env_steps": env_steps, "minutes": self.seconds / 60, "steps": steps})
+        self.tables.metrics.append({"env_steps": env_steps, **row})
+        minutes = self.seconds / 60
+        self.tables.timing.append({"env_steps": env_steps, "minutes": minutes, "steps": steps})
         self.bar.update(env_steps - self.bar.n)
         self.bar.set_postfix(success=str(self.best))
 
@@ -211,13 +210,13 @@ class Run:
         for component in self.components.values():
             if hasattr(component, "settle"):
                 component.settle()
-        self._flush_tables()
+        self.tables.flush()
         checkpoint.save_step(self.work / CHECKPOINTS, self.env_steps, self.components, self.record)
 
     def state_dict(self) -> dict[str, Any]:
         """Where the log stands."""
         return {
-            **{name: getattr(self, name).rows for name in LOGS},
+            **self.tables.state_dict(),
             "env_steps": self.env_steps,
             "seconds": self.seconds,
             "last_save": self._last_save,
@@ -231,23 +230,16 @@ class Run:
         Raises:
             LogError: if a table has lost rows.
         """
-        rows = {name: int(state.get(name, 0)) for name in LOGS}  # an older version has no calibration
-        for name in LOGS:
-            getattr(self, name).check(rows[name])
+        self.tables.check(state)
         self.env_steps, self.seconds = int(state["env_steps"]), float(state["seconds"])
         self._last_save, self.turn = int(state["last_save"]), int(state["turn"])
         self.best.load_state_dict(state)
-        self._kept = rows
-
-    def _flush_tables(self) -> None:
-        """Has the tables on the disk before what counts their rows: a machine that loses its power loses neither."""
-        tables = [path for name in LOGS if (path := getattr(self, name).path).is_file()]
-        flush(*tables, *{path.parent for path in tables})
+        self._kept = state
 
     def finish(self) -> None:
         """Closes the bar, notes that the run is complete, gives its folder back, and says where it and its log lie."""
         self.bar.close()
-        self._flush_tables()
+        self.tables.flush()
         with replacing(self.work / FINISHED) as partial:
             partial.write_text(json.dumps({"env_steps": self.env_steps, "minutes": self.seconds / 60}))
             flush(partial)
