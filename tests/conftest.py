@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 import torch
+from hydra.core.override_parser.overrides_parser import OverridesParser
 from omegaconf import OmegaConf
 from tensordict import TensorDict
 from torchrl.data import Bounded, Categorical, Composite, Unbounded
@@ -50,8 +51,9 @@ def one_torch_thread():
 
 @pytest.fixture(scope="session", autouse=True)
 def configs_are_parsed_once():
-    """Composing a config takes a third of its time to parse the same files anew, and tests compose hundreds."""
+    """Composing takes half of its time to parse the same files and overrides anew, and tests compose hundreds."""
     load, parsed = OmegaConf.load, {}
+    parse_rule, rules = OverridesParser.parse_rule, {}
 
     def once(file):
         name = str(getattr(file, "name", file))
@@ -60,8 +62,14 @@ def configs_are_parsed_once():
         parsed[name] = parsed.get(name) or load(file)
         return copy.deepcopy(parsed[name])
 
+    def parsed_rule(parser, text, rule):
+        if (text, rule) not in rules:
+            rules[text, rule] = parse_rule(parser, text, rule)
+        return copy.copy(rules[text, rule])  # it is then told who has parsed it
+
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(OmegaConf, "load", staticmethod(once))
+        patch.setattr(OverridesParser, "parse_rule", parsed_rule)
         yield
 
 
