@@ -20,7 +20,7 @@ BUDGET = [
     "training.horizon=32",
     "training.total_steps=1024",
     "training.checkpoint_every=1024",
-    "chain.rounds=1",
+    "chain.rounds=2",  # in the first no d_omega pays: one learns in the next skill's turn
     f"chain.steps_per_turn={STEPS}",
     "chain.trial_episodes=8",
     "chain.trial_every=4",
@@ -162,15 +162,16 @@ def check_skill(folder: Path) -> None:
 
 def check_chain(folder: Path) -> None:
     rows = pd.read_csv(folder / "results/table_lack/tstar/seed0/metrics.csv")
-    assert rows.skill.tolist() == [0, 1, 2, 3] and rows.env_steps.tolist() == [STEPS * i for i in range(1, 5)]
-    assert rows.trial_progress.notna().tolist() == [False, False, False, True]
+    assert rows.skill.tolist() == 2 * [0, 1, 2, 3]
+    assert rows.env_steps.tolist() == [STEPS * i for i in range(1, 9)]
+    assert rows.trial_progress.notna().tolist() == 2 * [False, False, False, True]
     assert "accepted" not in rows  # a skill stays what training made of it
     places = [f"table_lack/{system}/seed0" for system in ("gail_ppo", "tstar")]
     before, after = (
         Skill.load(folder / "runs" / place)
         for place in (f"{places[0]}/subtask1/last", f"{places[1]}/last/skill1")
     )
-    assert after.normalizer.count == before.normalizer.count + STEPS  # it runs on
+    assert after.normalizer.count == before.normalizer.count + 2 * STEPS  # it runs on
     handed = pd.read_csv(folder / "results/table_lack/hand_over.csv")
     assert len(handed) == 4 and handed.handed_over.isna().all()  # so short a training hands nothing over
     names = {path.name for path in (folder / "runs/table_lack/tstar/seed0/last").iterdir()}
