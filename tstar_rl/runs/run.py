@@ -78,7 +78,7 @@ class Run:
         self.components: dict[str, Any] = {}
         self.tables = RunTables(self.results, self.work)
         self._last_save, self._clock = 0, time.perf_counter()
-        self._kept: Mapping[str, Any] = {}
+        self._kept: Mapping[str, Any] | None = None
         label = config["system"] if subtask is None else f"{config['system']} {subtask}"
         self.bar = tqdm(
             total=total,
@@ -148,7 +148,7 @@ class Run:
         (self.work / FINISHED).unlink(missing_ok=True)  # before the rest: what is half deleted is not done
         for name in (CHECKPOINTS, *SAVED):
             remove_folder(self.work / name)
-        self.tables.truncate({})
+        self.tables.clear()
         write_config(self.results, {**self.config, **self.notes})
 
     def _go_on(self, found: Path, previous: PreviousRun) -> None:
@@ -166,7 +166,8 @@ class Run:
         if changed:
             self._forget_measurements()  # of the run with fewer steps
         (self.work / FINISHED).unlink(missing_ok=True)  # before the rest: until it is done again
-        self.tables.truncate(self._kept)
+        if self._kept is not None:  # the checkpoint had where the log stood
+            self.tables.truncate(self._kept)
         if not read_config(self.results):
             restore_config(self.results, self.config)
         note_resumed(self.results, self.env_steps)

@@ -31,8 +31,13 @@ class RunTables:
         for name, log in vars(self).items():
             log.check(_rows(state, name))
 
+    def clear(self) -> None:
+        """Drops all rows."""
+        for log in vars(self).values():
+            log.truncate(0)
+
     def truncate(self, state: Mapping[str, Any]) -> None:
-        """Drops the rows that were written since `state_dict` gave this; with {} all of them."""
+        """Drops the rows that were written since `state_dict` gave this."""
         for name, log in vars(self).items():
             log.truncate(_rows(state, name))
 
