@@ -75,6 +75,7 @@ def test_what_reads_like_a_value_that_is_not_read_and_is():
     checked("tstar", "task=chair_bernhard")  # nor does this, of two subtasks
     checked("tstar", "chain.logged_skill=9", "chain.logged_states=0")
     checked("in_order", "skills=gail_ppo", "demonstrated_ends=0")
+    checked("in_order", "skills=wide/bc")
     checked("in_order_cloned", "skills=bc_noisy")
     checked("hand_over_value", "skills=bc", "chain.order=backward")
     checked("tstar", "chain.d_omega_of=own", "chain.rounds=2")

@@ -1,6 +1,7 @@
 """Values of a chain's fine-tuning that it would leave unread: refused, as `config/unread.py` does for every recipe."""
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from tstar_rl.chaining.warm_up import check_that_policies_learn
@@ -105,4 +106,4 @@ def _check_demonstrated_ends(values: Mapping[str, Any]) -> None:
 
 
 def _are_clones(values: Mapping[str, Any]) -> bool:
-    return values["skills"].partition("_")[0] == "bc"
+    return Path(values["skills"]).name.partition("_")[0] == "bc"  # an experiment's own skills are <arm>/bc
