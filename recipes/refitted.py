@@ -10,6 +10,8 @@ An input that varies more in the chain than it did in training is scaled by its 
 of every other input.
 """
 
+import time
+
 from omegaconf import DictConfig
 
 import tstar_rl as rl
@@ -27,7 +29,9 @@ def main(config: DictConfig) -> None:
             "normalisers see the ends of episodes: chain.path_steps must be at least 1, got 0"
         )
     skills, chain = rl.load_skills(config, checkpoint=config.from_checkpoint), config.chain
+    began = time.perf_counter()
     trial = rl.run_trial(skills, rl.trial_env(config, chain.trial_episodes, "harvest"), chain.path_steps)
+    seconds = time.perf_counter() - began
     found = zip(skills, trial.skills, strict=True)
     widened = [skill.normalizer.widen(skills_trial.path.states) for skill, skills_trial in found]
     if not any(widened):
@@ -36,6 +40,7 @@ def main(config: DictConfig) -> None:
         )
     run = rl.chain_run(config, len(skills))
     run.start()
+    run.seconds += seconds
     for index, inputs in enumerate(widened):
         run.log(trial.steps(), skill=index, widened_inputs=inputs)
     rl.save_chain(skills, run.work / "last", **run.origin, env_steps=trial.steps())

@@ -1,6 +1,7 @@
 """The wiring of the chaining recipes, on a chain that trains in seconds."""
 
 import json
+import time
 
 import pytest
 import torch
@@ -8,6 +9,7 @@ from tensordict import TensorDict
 
 from tstar_rl.chaining.chain import load_chain
 from tstar_rl.chaining.skill import Skill
+from tstar_rl.chaining.trials import run_trial
 from tstar_rl.chaining.turns import Turn
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.models.normalizer import Normalizer
@@ -163,10 +165,18 @@ def test_a_chain_notes_what_its_skills_took(point_chain, tmp_path, recipe):
     assert noted == {"env_steps": 10 * NUM_SKILLS, "minutes": 0.5 * NUM_SKILLS}
 
 
-def test_a_chain_is_refitted_to_its_own_states(point_chain, tmp_path):
+def test_a_chain_is_refitted_to_its_own_states(point_chain, tmp_path, monkeypatch):
     """Skill 3 was fitted around x = 3.5; in the chain it begins at y > 0 alone, and the other inputs never vary."""
+
+    def slow(*given):
+        time.sleep(0.2)
+        return run_trial(*given)
+
+    monkeypatch.setattr("tstar_rl.run_trial", slow)
     table = point_chain("refitted", "scale=laptop", "chain.trial_episodes=16")
     assert table.skill.tolist() == list(range(NUM_SKILLS)) and (table.env_steps > 0).all()
+    took = json.loads((tmp_path / "runs/table_lack/refitted/seed0/finished.json").read_text())
+    assert took["minutes"] > 0.2 / 60, "the chain's trial is what refitting costs"
     for index, skill in enumerate(load_chain(tmp_path / "runs/table_lack/refitted/seed0/last")):
         first = Skill.load(tmp_path / f"runs/table_lack/gail_ppo/seed0/subtask{index}/last")
         wider = skill.normalizer.scale > first.normalizer.scale
