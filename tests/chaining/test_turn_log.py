@@ -1,6 +1,7 @@
 """What a turn logs, on a chain that trains in seconds."""
 
 import math
+import re
 
 import pandas as pd
 import pytest
@@ -43,12 +44,16 @@ def test_a_d_omega_is_judged_once_it_was_trained_itself(point_chain):
 
 
 def test_skills_whose_signals_no_trial_judges_are_told(point_chain, capsys):
-    values = ("chain.gate=false", "chain.links=2", "chain.rounds=2", "chain.steps_per_turn=512")
-    for every, told in ((2, True), (1, False)):
-        table = point_chain("tstar", *values, f"chain.trial_every={every}", f"system=every_{every}")
-        assert ("handed" not in table) == told
-        said = "no trial follows a turn of skill 0, so their signals are not judged: chain.trial_every=2"
-        assert (said in capsys.readouterr().out) == told
+    values = ("chain.gate=false", "chain.rounds=2", "chain.steps_per_turn=512")
+    common = "trials after every 2 turns .* the number of skills, 2, have a factor in common"
+    cases = ((2, 2, [], common), (2, 1, [0, 0], None), (3, 4, [0], "too few for all with 6 turns"))
+    for links, every, judged, why in cases:
+        own = (f"chain.links={links}", f"chain.trial_every={every}", f"system=every_{every}")
+        table = point_chain("tstar", *values, *own)
+        assert ("handed" in table) == bool(judged)
+        assert not judged or table["skill"][table["handed"].notna()].tolist() == judged
+        said = f"no trial follows a turn of skill {links - 2}, so their hand-overs and signals are not judged: .*{why}"
+        assert (re.search(said, capsys.readouterr().out) is not None) == (why is not None)
 
 
 def test_terminal_states_that_are_logged_are_those_the_skill_reached(point_chain, tmp_path, monkeypatch):

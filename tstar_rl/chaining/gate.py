@@ -20,7 +20,7 @@ class GateSettings:
     trial_every: int
     """Turns between trials of the chain, where no gate asks for one after each. If there are fewer turns in all,
     none is run, and no chain is saved as the best. A trial judges the signals of the skill whose turn it follows: where
-    this number and that of the skills have a factor in common, some skills' signals are never judged."""
+    this number and that of the skills have a factor in common, or rounds are fewer than it, some are never judged."""
 
     def __post_init__(self) -> None:
         check_ranges(self, finite=("margin",), count=("trial_every",))

@@ -7,6 +7,7 @@ for turn in chain_turns(...):
         turn.log(rollout, log)
 """
 
+import math
 from collections.abc import Callable, Iterator
 from copy import deepcopy
 from typing import Any
@@ -147,10 +148,13 @@ def chain_turns(chain: ChainTraining) -> Iterator[Turn]:
     run, skills = chain.run, chain.skills
     run.start(chain=chain, **{f"skill{index}": skill for index, skill in enumerate(skills)})
     if unknown := chain.never_judged():
+        every, turns = chain.gate.settings.trial_every, chain.settings.rounds * len(skills)
+        why = f"are too few for all with {turns} turns"
+        if math.gcd(every, len(skills)) > 1:
+            why = f"and the number of skills, {len(skills)}, have a factor in common"
         print(
-            f"no trial follows a turn of skill {', '.join(map(str, unknown))}, so their signals are not judged: "
-            f"chain.trial_every={chain.gate.settings.trial_every} and the number of skills, {len(skills)}, have a "
-            "factor in common"
+            f"no trial follows a turn of skill {', '.join(map(str, unknown))}, so their hand-overs and signals are not "
+            f"judged: trials after every {every} turns (chain.trial_every) {why}"
         )
     if run.turn == 0 and chain.settings.seed_episodes:
         chain.seed_sets(run_trial(skills, chain.workshop.seeding_trial(), chain.settings.path_steps))
@@ -170,7 +174,7 @@ def chain_turns(chain: ChainTraining) -> Iterator[Turn]:
     for place in sorted(chain.asked - chain.learned):
         print(
             f"{place} (skill/network): this network was to be taught as a signal, and no turn that was kept has taught "
-            "it: it has paid nothing"
+            "it: nothing that it paid is left in this chain"
         )
     chain.save("last", run.env_steps)
     run.finish()
