@@ -10,15 +10,15 @@ from tstar_rl.runs.csv_tables import MetricsLog
 
 
 def test_the_mean_bonus_is_over_successes(tmp_path):
+    """Skill 1, in the last of these rollouts, is paid by nothing; in the one before skill 0 is not paid yet."""
     table = {
-        "episodes": [4, 0, 10, 5],
-        "success_rate": [0.5, None, 0.6, 1.0],
-        "tsr_on_success": [0.2, None, 0.6, None],
+        "skill": [0, 0, 0, 0, 1],
+        "episodes": [4, 0, 10, 8, 5],
+        "success_rate": [0.5, None, 0.6, 0.25, 1.0],
+        "tsr_on_success": [0.2, None, 0.6, None, None],
     }
-    pd.DataFrame(table).to_csv(
-        tmp_path / "metrics.csv"
-    )  # the last of these rollouts is of a skill that nothing follows
-    assert mean_bonus(tmp_path / "metrics.csv") == 0.5  # (2 x 0.2 + 6 x 0.6) / 8
+    pd.DataFrame(table).to_csv(tmp_path / "metrics.csv")
+    assert mean_bonus(tmp_path / "metrics.csv") == 0.4  # (2 x 0.2 + 6 x 0.6 + 2 x 0) / 10
     pd.DataFrame(table)[1:2].to_csv(tmp_path / "metrics.csv")
     assert mean_bonus(tmp_path / "metrics.csv") == 0.0
 
@@ -26,7 +26,7 @@ def test_the_mean_bonus_is_over_successes(tmp_path):
 @pytest.mark.parametrize(("paid", "bonus"), [(-0.2, 0.0), (1.2, 1.0)])
 def test_a_mean_bonus_is_one_that_an_arm_can_pay(paid, bonus, tmp_path):
     """d_omega less its running mean may be below 0 on average."""
-    table = {"episodes": [4], "success_rate": [0.5], "tsr_on_success": [paid]}
+    table = {"skill": [0], "episodes": [4], "success_rate": [0.5], "tsr_on_success": [paid]}
     pd.DataFrame(table).to_csv(tmp_path / "metrics.csv")
     assert mean_bonus(tmp_path / "metrics.csv") == bonus
 
@@ -49,7 +49,7 @@ def test_a_mean_bonus_is_what_the_rollouts_paid(make_env, policy, tmp_path):
         rollout = env.rollout(steps, policy, break_when_any_done=False)
         rollout["next", "reward_tsr"] = torch.rand(6, steps, 1)
         paid.append(rollout["next", "reward_tsr"][rollout["next", "success"]])
-        log.append(rollout_metrics(rollout))
+        log.append({"skill": 0, **rollout_metrics(rollout)})
     mean = float(torch.cat(paid).mean())
     assert mean_bonus(tmp_path / "metrics.csv") == pytest.approx(mean, abs=1e-4)
     assert abs(float(torch.stack([each.mean() for each in paid]).mean()) - mean) > 1e-3
@@ -70,7 +70,7 @@ def test_a_bonus_is_known_once_its_arm_is_trained(tmp_path):
     table, ended = (tmp_path / f"{root}/table_lack/tstar/seed7" for root in ("results", "runs"))
     for folder in (table, ended):
         folder.mkdir(parents=True)
-    rows = {"episodes": [10, 30], "success_rate": [1.0, 0.5], "tsr_on_success": [0.2, 0.4]}
+    rows = {"skill": [0, 0], "episodes": [10, 30], "success_rate": [1.0, 0.5], "tsr_on_success": [0.2, 0.4]}
     pd.DataFrame(rows).to_csv(table / "metrics.csv", index=False)
     with pytest.raises(FileNotFoundError, match="seed7 has not finished, and decides the bonus"):
         known()

@@ -18,7 +18,7 @@ def steps(tmp_path_factory) -> list[tuple[str, ...]]:
     """Those that the recipe runs in an empty folder; T-STAR leaves a table in which it was paid .5 a success."""
     tmp_path, run = tmp_path_factory.mktemp("assemble"), []
     given = [f"{place}_dir={tmp_path / place}" for place in ("results", "runs", "demonstrations")]
-    paid = {"episodes": [10], "success_rate": [0.4], "tsr_on_success": [0.5]}
+    paid = {"skill": [0], "episodes": [10], "success_rate": [0.4], "tsr_on_success": [0.5]}
 
     def note(step: tuple[str, ...], shared: list[str], line: int = 0) -> None:
         run.append(step)

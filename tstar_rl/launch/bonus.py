@@ -73,8 +73,8 @@ def mean_bonus(metrics: str | Path) -> float:
     """What d_omega paid for a success, on average over all successes, for a control that always pays as much.
 
     Args:
-        metrics: of a run, with the columns of `rollout_metrics`: a rollout counts by its successes; one without any, or
-            of a skill that d_omega does not pay, has no "tsr_on_success" and does not count.
+        metrics: of a run, with the columns of `rollout_metrics`: a rollout counts by its successes; none counts of
+            a skill that is never paid. Where one that is has no "tsr_on_success" yet, its successes were paid 0.
 
     Returns:
         In [0, 1], rounded to four digits; 0 if nothing was paid.
@@ -95,7 +95,8 @@ def mean_bonus(metrics: str | Path) -> float:
                 f"from it write; this one pays {', '.join(own)}"
             )
         return 0.0
-    paid = table.dropna(subset=["tsr_on_success"])
+    skills = table["skill"][table["tsr_on_success"].notna()].unique()
+    paid = table[table["skill"].isin(skills) & table["success_rate"].notna()].fillna({"tsr_on_success": 0.0})
     successes = paid["episodes"] * paid["success_rate"]
     if not successes.sum():
         print(f"{metrics}: no success was paid anything, so the constant bonus of its control is 0")
