@@ -30,6 +30,7 @@ def test_spirl_goes_on_to_more_of_its_own_steps_whatever_else_it_has():
     [
         asked(20, exploration={"arm": [0.1, 0.1]}),  # a fixed deviation follows the share that is done
         asked(20, ppo={"linear_decay": True}),
+        asked(20, ppo={}),  # PPO's own default
         asked(20, from_checkpoint="last"),  # a chain's steps are those of its rounds
         asked(10),
         asked(9),

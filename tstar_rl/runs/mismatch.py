@@ -87,7 +87,9 @@ def as_begun(saved: Mapping[str, Any], asked: Mapping[str, Any]) -> dict[str, An
     """
     section = "spirl" if "spirl" in asked else "training"
     fixed = asked.get("exploration") is not None and asked.get("networks", {}).get("std") == "fixed"
-    scheduled = section == "training" and (fixed or asked.get("ppo", {}).get("linear_decay", False))
+    scheduled = section == "training" and (
+        fixed or ("ppo" in asked and asked["ppo"].get("linear_decay", True))
+    )
     now, before = (values.get(section, {}).get("total_steps", 0) for values in (asked, saved))
     if scheduled or "from_checkpoint" in asked or not 0 < before < now:
         return dict(asked)
