@@ -12,6 +12,7 @@ from omegaconf import DictConfig
 from torchrl.envs import ExplorationType, set_exploration_type
 
 from tstar_rl.chaining.chain import ChainPolicy
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.build import environment
 from tstar_rl.config.load import recipe
 from tstar_rl.config.seams import chain_of
@@ -36,6 +37,10 @@ def main(config: DictConfig) -> None:
         run_episodes(env, ChainPolicy(skills).to(config.device), watch, enough=len(skills))
     env.close()
     table = watch.table().assign(checkpoint=config.checkpoint)
+    if table.empty:
+        raise InvalidValueError(
+            "no skill was handed anything: the first one never succeeded, so there is no table"
+        )
     append_rows(path, table.to_dict("records"), ("checkpoint",))
     print(success_by_moved(table, config.from_metres, config.from_degrees).round(3).to_string())
     print(path)
