@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -13,12 +14,17 @@ from tstar_envs.furniture.schema import Step
 from tstar_envs.inspection.finding import Finding, doubtful, wrong
 from tstar_envs.inspection.grasp_checks import grasp_findings
 from tstar_envs.inspection.workshop import Workshop
+from tstar_envs.tasks.phase_reward import CONDITIONS
 
 MOST_MASS = 5.0
 """kg: what is heavier slips out of the grip."""
 INSIDE, ON_THE_WAY = 0.0005, 0.002
 """m: how deep joined parts may be in each other, and how deep on the way there."""
 _LOOK_AHEAD = 0.03
+_LIFTED = {
+    condition[0]: condition[2] for condition in CONDITIONS["lift_leg"] if not isinstance(condition, str)
+}
+"""m: what counts as lifted, nearer than this to the lift point in height and in the plane."""
 
 
 def assembly_findings(workshop: Workshop) -> Iterator[Finding]:
@@ -109,8 +115,19 @@ def _values(workshop: Workshop, k: int) -> Iterator[Finding]:
         )
     if step.insertion == 0 and step.clearance != Step.clearance:
         yield doubtful(f"steps[{k}].clearance", "it does not count without insertion")
-    if not any(step.waypoint):
-        yield doubtful(f"steps[{k}].waypoint", "the reward asks the hand to lift the part by nothing")
+    (x, y, z), up, aside = step.waypoint, _LIFTED["part_to_lift_height"], _LIFTED["part_to_lift_plane"]
+    if abs(z) < up and math.hypot(x, y) < aside:
+        yield doubtful(
+            f"steps[{k}].waypoint",
+            f"the reward asks the hand to lift the part by nothing: less than {1000 * up:.0f} mm up and "
+            f"{1000 * aside:.0f} mm aside counts as there",
+        )
+    if step.insertion > furniture.z_finedist:
+        yield doubtful(
+            "z_finedist",
+            f"{1000 * furniture.z_finedist:.0f} mm above its target {step.moving_part} is inside it already, by "
+            f"steps[{k}].insertion: the reward pays for coming there from any side",
+        )
 
 
 def _way_out(workshop: Workshop, k: int) -> np.ndarray:

@@ -115,6 +115,8 @@ def _from_below(data):
         (lambda d: _step(d, waypoint=[2, 2, 2]), False, "steps[0].waypoint", "to lift leg_2 there the hand must be"),
         (lambda d: _step(d, waypoint=[0, 0, -1]), False, "steps[0].waypoint", "to lift leg_2 to below where it lay"),
         (lambda d: _step(d, waypoint=[0, 0, 0]), False, "steps[0].waypoint", "by nothing"),
+        (lambda d: _step(d, waypoint=[0.03, 0.03, 0.015]), False, "steps[0].waypoint", "less than 20 mm up and 50 mm"),
+        (lambda d: _step(d, insertion=0.06), False, "z_finedist", "50 mm above its target leg_2 is inside it"),
         (lambda d: _step(d, insertion=0.02, clearance=0.002), False, "steps[0].clearance", "2 mm of play"),
         (lambda d: _step(d, clearance=0.03), False, "steps[0].clearance", "it does not count without insertion"),
         (lambda d: _step(d, grasp_from="back", grip_angle=[0, -1, 0], travel_height=0.3), False,
