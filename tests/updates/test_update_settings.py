@@ -59,6 +59,7 @@ from tstar_rl.updates import (
         (PPOSettings, {"critic_coeff": 0.0}, "PPOSettings.critic_coeff must be positive, got 0.0"),
         (PPOSettings, {"critic_warmup": -1}, "critic_warmup must be not negative, got -1"),
         (PPOSettings, {"gamma": 1.01}, r"gamma must be in \[0, 1\], got 1.01"),
+        (PPOSettings, {"clip_epsilon": 1.5}, r"clip_epsilon must be in \(0, 1\], got 1.5"),
         (PPOSettings, {"kl_stop": 0.0}, r"kl_stop must be positive \(.inf: no limit\), got 0.0"),
         (
             BehaviourCloningSettings,

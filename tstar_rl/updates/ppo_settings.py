@@ -69,12 +69,12 @@ class PPOSettings:
                 "critic_learning_rate",
                 "critic_coeff",
                 "kl_target",
-                "clip_epsilon",
                 "max_grad_norm",
             ),
             count_from_0=("critic_warmup", "rate_warmup"),
             not_negative=("entropy_coeff",),
             share=("gamma", "gae_lambda"),
+            positive_share=("clip_epsilon",),
             limit=("kl_stop",),
         )
         if self.compile is not None:
