@@ -105,6 +105,15 @@ def test_a_clone_is_fitted_with_the_floor_that_is_asked_for(point_chain, tmp_pat
     assert skill.normalizer.floor_found() == pytest.approx(0.5)
 
 
+@pytest.mark.parametrize(("rollouts", "told"), [(2, True), (3, False)])
+def test_a_policy_that_was_not_trained_is_told(rollouts, told, point_chain, capsys):
+    values = (f"training.total_steps={512 * rollouts}", "ppo.critic_warmup=2", f"system=of_{rollouts}")
+    table = point_chain("gail_ppo", *values)
+    assert (table.actor_steps.max() == 0) == told and len(table) == rollouts
+    said = "PPO took no step of the policy: the critic alone learns in the first 2 rollouts"
+    assert (said in capsys.readouterr().out) == told
+
+
 def test_an_update_is_made_once(point_chain, monkeypatch):
     """A run that is resumed would load the second one's state into the first."""
     make = SkillTraining.policy_update

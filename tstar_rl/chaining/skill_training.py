@@ -19,7 +19,7 @@ from tstar_rl.demonstrations.data_set import Demonstrations
 from tstar_rl.rollouts.collection import Collection
 from tstar_rl.rollouts.ray_collection import RayCollection
 from tstar_rl.runs.run import Run
-from tstar_rl.updates import BehaviourCloningSettings, behaviour_cloning
+from tstar_rl.updates import BehaviourCloningSettings, PolicyUpdate, behaviour_cloning
 
 __all__ = ["SkillTraining"]
 
@@ -71,6 +71,12 @@ class SkillTraining(Training):
                 self.save("best", self.steps)
             run.save_if_due(self.checkpoint_every)
         self.collection.close()
+        ppo = self.updates.get("update_policy")
+        if isinstance(ppo, PolicyUpdate) and not ppo.actor_steps:
+            print(
+                "PPO took no step of the policy: the critic alone learns in the first "
+                f"{self.settings.ppo.critic_warmup} rollouts (ppo.critic_warmup), and there were {ppo.updates}"
+            )
         self.save("last", self.steps)
         run.finish()
 
