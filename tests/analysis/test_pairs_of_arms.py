@@ -2,6 +2,7 @@
 
 import pandas as pd
 import pytest
+from arm_tables import write_arm
 
 from tstar_rl.analysis.experiments import read_experiment
 from tstar_rl.analysis.hand_overs import compare_hand_overs, signal_by_seam, success_at_hand_over
@@ -33,10 +34,11 @@ def test_two_arms_at_a_seam(two_arms):
 
 
 def turns() -> pd.DataFrame:
-    """Two seeds whose first skill was paid in two turns each, one of them put back; the second skill in one."""
+    """Two seeds. Of the first skill's turns one was put back, and one had one outcome; the second had one turn."""
     rows = [
         {"seed": 0, "skill": 0, "d_omega_auc": 0.6, "d_omega_sd": 0.1, "accepted": 1},
         {"seed": 0, "skill": 0, "d_omega_auc": 0.1, "d_omega_sd": 0.9, "accepted": 0},
+        {"seed": 0, "skill": 0, "d_omega_auc": None, "d_omega_sd": 0.3, "accepted": 1},
         {"seed": 1, "skill": 0, "d_omega_auc": 0.7, "d_omega_sd": 0.2, "accepted": 1},
         {"seed": 1, "skill": 0, "d_omega_auc": 0.9, "d_omega_sd": 0.4, "accepted": 1},
         {"seed": 1, "skill": 1, "d_omega_auc": 0.5, "d_omega_sd": 0.0, "accepted": 1},
@@ -48,7 +50,7 @@ def turns() -> pd.DataFrame:
 def test_what_a_signal_told_at_each_seam():
     found = signal_by_seam(turns(), "table", "tstar")
     assert found.index.tolist() == [1, 2]  # by the skill that takes over
-    assert found.loc[1, ["seeds", "auc", "spread"]].tolist() == pytest.approx([2, 0.7, 0.2])
+    assert found.loc[1, ["seeds", "auc", "spread"]].tolist() == pytest.approx([2, 0.7, 0.25])
     assert found.loc[1, "auc_half"] == pytest.approx(T * 0.1, rel=1e-4)
     assert found.loc[2, ["seeds", "auc"]].tolist() == [1, 0.5] and pd.isna(found.loc[2, "auc_half"])
     assert signal_by_seam(turns(), "table", "buffer").empty
@@ -69,13 +71,25 @@ def test_a_pair_on_the_page(two_arms):
     run = two_arms / "table" / "tstar"
     for seed, mine in turns().drop(columns=["task", "recipe", "subtask"]).groupby("seed"):
         mine.to_csv(run / f"seed{seed}" / "metrics.csv", index=False)
-    assert seams(*asked).splitlines()[2].endswith("| 0.70 +- 1.27 | 0.20 |")
+    assert seams(*asked).splitlines()[2].endswith("| 0.70 +- 1.27 | 0.25 |")
     rows = readings(*asked).splitlines()[2:]
     assert rows[0].startswith(
         "| last checkpoint, deterministic actions | 2 | +0.225 ["
     )  # .95 and .85; .75 and .6
     whole = rows[0].split(" | ")[3]
     assert whole.startswith("+0.300 [")  # .9 and .7; .6 and .4
+
+
+def test_an_area_of_other_seeds_than_the_difference_says_so(two_arms):
+    """Seed 0 has no AUC, seed 2 has one and no buffer arm."""
+    asked = ({"systems": {}}, Entry(two_arms, "experiment"), "table", ["tstar", "buffer"])
+    run = two_arms / "table" / "tstar"
+    write_arm(two_arms, "tstar", 2, [1.0, 0.7])
+    for seed, area in ((0, None), (1, 0.7), (2, 0.9)):
+        row = {"skill": 0, "d_omega_auc": area, "d_omega_sd": 0.2, "subtask": -1, "trial_progress": 0.5}
+        pd.DataFrame([row]).to_csv(run / f"seed{seed}" / "metrics.csv", index=False)
+    line = seams(read_experiment(two_arms), *asked).splitlines()[2]
+    assert line.endswith("| 0.80 +- 1.27 (2 seeds, others too) | 0.20 |")
 
 
 @pytest.mark.parametrize("table", [seams, readings])

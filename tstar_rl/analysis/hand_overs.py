@@ -2,7 +2,6 @@
 
 import math
 
-import numpy as np
 import pandas as pd
 
 from tstar_rl.analysis.differences import student_half
@@ -35,15 +34,15 @@ def compare_hand_overs(rows: pd.DataFrame, first: str, second: str) -> pd.DataFr
         first, second: arms.
 
     Returns:
-        Index subtask, from 1: that of the skill that takes over. Columns seeds (that both arms have), first, second
-        (means), difference and t_half (half of Student's interval over seeds).
+        Index subtask, from 1: that of the skill that takes over. Columns seeds (how many both arms have), of (which),
+        first, second (means), difference and t_half (half of Student's interval over seeds).
     """
     one, other = (success_at_hand_over(rows[rows["arm"] == arm]) for arm in (first, second))
     lines = {}
     for subtask in one.columns[1:].intersection(other.columns):
         both = pd.concat([one[subtask], other[subtask]], axis=1, keys=["first", "second"]).dropna()
         difference = (both["first"] - both["second"]).to_numpy()
-        line = {"seeds": len(both), **both.mean().to_dict()}
+        line = {"seeds": len(both), "of": tuple(both.index), **both.mean().to_dict()}
         lines[subtask] = line | {
             "difference": float(difference.mean()) if len(both) else math.nan,
             "t_half": student_half(difference),
@@ -60,8 +59,9 @@ def signal_by_seam(metrics: pd.DataFrame, task: str, arm: str) -> pd.DataFrame:
         arm: whose.
 
     Returns:
-        Index subtask: that of the skill that takes over. Columns seeds, auc, auc_half (Student's) and spread; no rows
-        where it was not logged, or several signals were judged.
+        Index subtask: that of the skill that takes over. Columns seeds (how many have an AUC), of (which), auc,
+        auc_half (Student's) and spread (over all kept turns, those without an AUC too); no rows where none was logged,
+        or several signals were judged.
     """
     rows = tried_turns(metrics, task)
     rows = kept_turns(rows[rows["recipe"] == arm]) if len(rows) else rows
@@ -69,9 +69,10 @@ def signal_by_seam(metrics: pd.DataFrame, task: str, arm: str) -> pd.DataFrame:
     lines = {}
     if len(told) == 1:
         spread = f"{str(told[0]).removesuffix(AUC)}{SPREAD}"
-        for skill, mine in rows[rows[told[0]].notna()].groupby("skill"):
+        for skill, mine in rows[rows[spread].notna()].groupby("skill"):
             of_seeds = mine.groupby("seed")[[told[0], spread]].mean()
-            areas = of_seeds[told[0]].to_numpy()
-            line = {"seeds": len(areas), "auc": float(np.mean(areas)), "auc_half": student_half(areas)}
-            lines[int(float(str(skill))) + 1] = line | {"spread": float(of_seeds[spread].mean())}
+            areas = of_seeds[told[0]].dropna()
+            line = {"seeds": len(areas), "of": tuple(areas.index), "auc": float(areas.mean())}
+            line |= {"auc_half": student_half(areas.to_numpy()), "spread": float(of_seeds[spread].mean())}
+            lines[int(float(str(skill))) + 1] = line
     return pd.DataFrame.from_dict(lines, orient="index").rename_axis("subtask")

@@ -57,8 +57,8 @@ def turn_table(metrics: pd.DataFrame, task: str) -> pd.DataFrame:
         all trials: of an arm that rises early it is higher at the same end), kept (share of tried turns that the gate
         kept), trial_steps (see `steps_of_trials`), auc and spread (of the scores of the arm's signal, over the turns
         that were kept; auc of those alone after which the next skill both succeeded and failed; nan where nothing
-        signals, or several signals were judged, for which see `calibration.calibration_of_arms`) and auc_half (of
-        Student's 95% interval over seeds).
+        signals, or several signals were judged, for which see `calibration.calibration_of_arms`), auc_half (of
+        Student's 95% interval over seeds) and auc_seeds (how many have an AUC); spread_half and spread_seeds.
     """
     rows, steps, lines = tried_turns(metrics, task), steps_of_trials(metrics, task), {}
     if rows.empty:
@@ -74,6 +74,7 @@ def turn_table(metrics: pd.DataFrame, task: str) -> pd.DataFrame:
             of_seeds = _of_seeds(kept, [column for column in mine if str(column).endswith(ending)])
             line[name] = float(of_seeds.mean())
             line[f"{name}_half"] = student_half(of_seeds.to_numpy())
+            line[f"{name}_seeds"] = len(of_seeds)
         lines[str(arm)] = line
     return pd.DataFrame.from_dict(lines, orient="index").rename_axis("arm")
 

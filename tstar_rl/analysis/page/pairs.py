@@ -75,7 +75,7 @@ def seams(experiment: Experiment, paper: Paper, entry: Entry, task: str, arms: S
         ends = (row["difference"] - row["t_half"], row["difference"] + row["t_half"])
         line = [f"skill {subtask} to skill {int(str(subtask)) + 1}", f"{row['seeds']:.0f}"]
         line += [f"{row['first']:.3f}", f"{row['second']:.3f}", signed_interval(row["difference"], *ends)]
-        lines.append([*line, *_told(told.loc[subtask] if subtask in told.index else None, int(row["seeds"]))])
+        lines.append([*line, *_told(told.loc[subtask] if subtask in told.index else None, row["of"])])
     next_one = "the next succeeds"
     header = ["seam", "seeds", f"{next_one}: {arm_label(paper, first)}", arm_label(paper, second)]
     header += ["difference [95%, Student's t]", "AUC of the first arm's signal [95%]", "its spread"]
@@ -84,12 +84,15 @@ def seams(experiment: Experiment, paper: Paper, entry: Entry, task: str, arms: S
     return table(header, lines) if lines else ""
 
 
-def _told(row: pd.Series | None, seeds: int) -> list[str]:
-    """AUC and spread, with of how many seeds where these are not the difference's."""
+def _told(row: pd.Series | None, seeds: tuple[int, ...]) -> list[str]:
+    """AUC and spread; how many seeds have an AUC where these are not the difference's, and if some are others."""
     if row is None:
         return [NOTHING, NOTHING]
+    if not row["of"]:
+        return [NOTHING, f"{row['spread']:.2f}"]
     half = "" if math.isnan(row["auc_half"]) else f" +- {row['auc_half']:.2f}"
-    of = "" if row["seeds"] == seeds else f" ({row['seeds']:.0f} seeds)"
+    others = ", others too" if set(row["of"]) - set(seeds) else ""
+    of = "" if set(row["of"]) == set(seeds) else f" ({row['seeds']:.0f} seeds{others})"
     return [f"{row['auc']:.2f}{half}{of}", f"{row['spread']:.2f}"]
 
 

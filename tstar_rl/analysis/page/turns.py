@@ -39,9 +39,9 @@ SAID = """\
 Means over seeds. Progress is that of the chain that goes on, in the trials after its turns: of two arms with the same
 end, the one that rose earlier has more. AUC: how well the signal that paid a skill tells whether the next one then
 succeeded (.5: nothing), with half of Student's 95% interval over seeds, over the turns that were kept and after which
-it both succeeded and failed; spread: the deviation of its scores over all turns that were kept; neither is shown of an
-arm with several signals. Steps of trials: in the runs published so far they are without the episodes of a chain before
-its first turn (chain.seed_episodes).
+it both succeeded and failed, which not all seeds may have; spread: the deviation of its scores over all turns that were
+kept; neither is shown of an arm with several signals. Steps of trials: in the runs published so far they are without
+the episodes of a chain before its first turn (chain.seed_episodes).
 """
 
 
@@ -56,7 +56,7 @@ def turns(metrics: pd.DataFrame, paper: Paper, task: str, prefix: str) -> str:
         numbers = [
             f"{row['trial_progress']:.3f}",
             _share(row["kept"]),
-            _share(row["auc"]) + ("" if math.isnan(row["auc_half"]) else f" +- {row['auc_half']:.2f}"),
+            _auc(row),
             _share(row["spread"]),
         ]
         line = [arm_label(paper, arm), f"{row['seeds']:.0f}", f"{row['trials']:.0f}", *numbers]
@@ -106,6 +106,13 @@ def _file(task: str, prefix: str) -> str:
 
 def _told(task: str, prefix: str) -> str:
     return f"{prefix}{task}_signals"
+
+
+def _auc(row: pd.Series) -> str:
+    """With of how many seeds, where some have none."""
+    half = "" if math.isnan(row["auc_half"]) else f" +- {row['auc_half']:.2f}"
+    some = 0 < row["auc_seeds"] < row["seeds"]
+    return _share(row["auc"]) + half + (f" ({row['auc_seeds']:.0f} seeds)" if some else "")
 
 
 def _share(value: float) -> str:
