@@ -32,7 +32,7 @@ def test_a_seed_has_a_dot_for_each_side_as_large_as_its_share():
         areas = [float(dots.get_sizes()[0]) for dots in axes.collections]
         assert heights == [0.1, 0.95] * 5
         assert all(math.isclose(low * 3, high) for low, high in zip(areas[::2], areas[1::2], strict=True))
-    assert "tstar: skill 3 by joint 6" in {axes.get_title() for axes in figure.axes}
+    assert "tstar: skill 3 to 4, joint 6" in {axes.get_title() for axes in figure.axes}
 
 
 def test_tables_without_two_heaps_say_so():

@@ -173,7 +173,7 @@ def ablation_curves(metrics: pd.DataFrame, column: str = "success_rate") -> Figu
             mean = rows.groupby("env_steps")[column].mean()
             style = {"marker": ".", "linewidth": 1, **_line(order.index(name))}
             axes.plot(mean.index, mean, label=readable(name), **style)
-        axes.set(title=f"{task}: skill {int(skill)}", xlabel="environment steps")
+        axes.set(title=f"{task}: skill {int(skill) + 1}", xlabel="environment steps")
         axes.set_ylabel(readable(column))
     _legend(grid.flat)
     return figure

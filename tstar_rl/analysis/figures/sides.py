@@ -47,7 +47,7 @@ def sides_figure(table: pd.DataFrame) -> Figure:
             rows = shown[(shown["system"] == system) & (shown["subtask"] == seam)].sort_values("seed")
             _dots(axes, rows)
             by = ", ".join(dict.fromkeys(rows["split_by"]))
-            axes.set_title(f"{readable(system)}: skill {seam} by {by}", fontsize=8)
+            axes.set_title(f"{readable(system)}: skill {seam} to {seam + 1}, {by}", fontsize=8)
         line[0].set_ylabel("succeeds", fontsize=8)
     handles = [
         Line2D([], [], marker="o", linestyle="", color=colour, label=f"{side} the split")
