@@ -71,8 +71,7 @@ Tables of several tasks together, beside the paper's or beside goals leave it ou
 same experiment and task; at the laptop scale, where it is about 0, *What the skills hand over* has what it is reckoned
 from.
 
-A dot is a seed in every figure but two kinds: what skills hand over shows means, and calibration has all turns and
-seeds together.
+A dot is a seed unless the figure's caption says otherwise.
 
 Answers to questions: *yes* and *no* follow the rule that was declared. *Not shown*: a rule that asks for much was not
 met, a probability of improvement of .95, say. That compares any seed with any other: it says how far arms are apart,
