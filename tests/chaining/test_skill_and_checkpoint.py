@@ -207,3 +207,16 @@ def test_an_agent_of_a_newer_version_is_refused_by_what_is_not_known(tmp_path):
         CheckpointMismatchError, match="newer: the latent model has a setting depth, which this version"
     ):
         SpirlAgent.load(tmp_path / "newer")
+
+
+@pytest.mark.parametrize(("value_hidden", "sizes"), [(None, [8, 16]), ((32, 4), [32, 4]), ((), [])])
+def test_a_value_network_has_sizes_of_its_own(value_hidden, sizes, tmp_path):
+    Skill("table_lack", 0, NetworkSettings(hidden=(8, 16), value_hidden=value_hidden)).save(
+        tmp_path / "skill"
+    )
+    skill = Skill.load(tmp_path / "skill")
+    policy, value = (
+        [layer.out_features for layer in network.modules() if isinstance(layer, torch.nn.Linear)]
+        for network in (skill.policy, skill.value)
+    )
+    assert policy == [8, 16, 18] and value == [*sizes, 1]

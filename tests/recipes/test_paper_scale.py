@@ -27,7 +27,8 @@ BUDGET = [
 ]
 PAPER = {  # a batch of the paper's has 128 rows on each of 16 workers
     # policy and value function
-    "networks.hidden": [128, 256],
+    "networks.hidden": [128, 128],
+    "networks.value_hidden": [256, 256],
     "networks.activation": "relu",
     "networks.std": "state",
     "networks.features": False,
@@ -65,7 +66,7 @@ PAPER = {  # a batch of the paper's has 128 rows on each of 16 workers
     "warm_start": False,
     "exploration": None,
     "training.total_steps": 25_000_000,
-    "training.max_steps": 200,
+    "training.max_steps": 150,
     "env.velocity_scale": 1.0,
     "env.preassembled": "ideal",
     "env.skipped_phases": "unpaid",

@@ -76,14 +76,16 @@ class Skill:
         self.normalizer = Normalizer(obs_dim)
         shared: dict[str, Any] = {
             "obs_dim": obs_dim,
-            "hidden": settings.hidden,
             "activation": ACTIVATIONS[settings.activation],
             "normalizer": self.normalizer,
             "features": RelativeFeatures(self.geometry) if self.geometry is not None else None,
         }
         std = torch.tensor([settings.action_std] * actions[0] + [settings.hand_std] * actions[1])
-        self.policy = make_policy(std=settings.std, action_std=std, action_dim=sum(actions), **shared)
-        self.value = make_value(**shared)
+        self.policy = make_policy(
+            hidden=settings.hidden, std=settings.std, action_std=std, action_dim=sum(actions), **shared
+        )
+        of_value = settings.hidden if settings.value_hidden is None else settings.value_hidden
+        self.value = make_value(hidden=of_value, **shared)
         self.networks = {name: self._make_network() for name in ("f_phi", "d_omega")}
         self.return_scale = ReturnScale()
         self.initiation_set, self.termination_set = InitiationSet(capacity), TerminationSet(capacity)

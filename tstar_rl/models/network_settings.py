@@ -13,14 +13,16 @@ ACTIVATIONS = {"relu": nn.ReLU, "tanh": nn.Tanh}
 
 @dataclass(frozen=True)
 class NetworkSettings:
-    """Source: the paper's appendix for the defaults, but for the deviations, which begin at .5 in `scale=paper`.
+    """Source: the paper's appendix B for the nonlinearities and the discriminators' sizes; the rest is ours.
 
     Raises:
         InvalidValueError: for a size or deviation out of its range, or an unknown activation or kind of deviation.
     """
 
     hidden: tuple[int, ...] = (128, 256)
-    """Sizes of the hidden layers of policy and value network."""
+    """Sizes of the hidden layers of the policy."""
+    value_hidden: tuple[int, ...] | None = None
+    """Those of the value network; None: as the policy's."""
     activation: str = "relu"
     """Between them: `relu` or `tanh`."""
     std: str = "state"
@@ -41,4 +43,4 @@ class NetworkSettings:
         check_choices(
             self, activation=ACTIVATIONS, discriminator_activation=ACTIVATIONS, std=("state", "fixed")
         )
-        check_sizes(self, "hidden", "discriminator_hidden")
+        check_sizes(self, "hidden", "discriminator_hidden", *(["value_hidden"] if self.value_hidden else []))

@@ -111,7 +111,7 @@ def make_policy(
     The location is a tanh; a sample may leave [-1, 1] and is clipped by the environment, so that its log
     probability stays exact. Sampling follows TorchRL's `set_exploration_type`.
 
-    Source: sizes and nonlinearity from the paper's appendix B.
+    Source: the paper's appendix B, of which `scale=paper` has the sizes.
     """
     head = GaussianHead(action_dim, std, action_std)
     state_input = StateInput(obs_dim, normalizer, features)
@@ -157,7 +157,7 @@ def make_value(
 ) -> TensorDictSequential:
     """A value network: "observation" (..., obs_dim) -> "state_value" (..., 1).
 
-    Source: the paper's appendix B.
+    Source: the paper's appendix B, of which `scale=paper` has the sizes.
     """
     state_input = StateInput(obs_dim, normalizer, features)
     mlp = _mlp(state_input.out_dim, 1, hidden, activation, out_gain=1.0)
