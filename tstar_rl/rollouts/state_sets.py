@@ -163,7 +163,7 @@ def _successes(rollout: TensorDictBase, *keys: Any) -> TensorDictBase:
 class InitiationSet(StateSet):
     """I_i: the states from which a skill has succeeded. Rows: "observation".
 
-    Source: the paper, algorithm 1 line 12.
+    Source: the paper, algorithm 1 line 14.
     """
 
     def extend_from(self, rollout: TensorDictBase) -> int:
@@ -175,7 +175,7 @@ class InitiationSet(StateSet):
 class TerminationSet(StateSet):
     """beta_i: the states in which a skill has succeeded, where the next begins. Rows: "observation", "snapshot".
 
-    Source: the paper, algorithm 1 line 12.
+    Source: the paper, algorithm 1 line 14.
     """
 
     _weights, _weighed_at = torch.empty(0), -1

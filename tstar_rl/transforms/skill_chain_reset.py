@@ -60,7 +60,7 @@ class SkillChainReset(Transform):
     A clone shares generator and counts with it, as clones of TorchRL's transforms share what is no parameter; so an
     environment for evaluation needs one of its own.
 
-    Source: the paper, algorithm 1 line 9; 80% and 20% from its appendix C.
+    Source: the paper, algorithm 1 line 11; 80% and 20% from its appendix C.
     """
 
     def __init__(

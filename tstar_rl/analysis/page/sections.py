@@ -86,7 +86,10 @@ def budgets(evaluations: pd.DataFrame, paper: Paper, task: str) -> str:
         if last.empty:
             continue
         hours = known.get("hours", paper["hours"])
-        long = f"{hours} h, {paper['workers']} workers" if "steps" in known and hours else NOTHING
+        workers = known.get("workers", paper["workers"])
+        long = (
+            f"{hours} h{f', {workers} workers' if workers else ''}" if "steps" in known and hours else NOTHING
+        )
         steps = millions(last["env_steps"].mean()) if last["env_steps"].mean() else "none"
         rows.append([label, known.get("steps", NOTHING), long, steps, f"{last['minutes'].mean():.1f}"])
     header = ["system", "paper: steps", "paper: time", "ours: environment steps", "ours: minutes of one core"]
