@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 import torch
+from hydra._internal.config_loader_impl import ConfigLoaderImpl
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from omegaconf import OmegaConf
 from tensordict import TensorDict
@@ -51,9 +52,10 @@ def one_torch_thread():
 
 @pytest.fixture(scope="session", autouse=True)
 def configs_are_parsed_once():
-    """Composing takes half of its time to parse the same files and overrides anew, and tests compose hundreds."""
+    """Composing takes most of its time to read and merge the same files anew, and tests compose hundreds."""
     load, parsed = OmegaConf.load, {}
     parse_rule, rules = OverridesParser.parse_rule, {}
+    merge, merged = ConfigLoaderImpl._compose_config_from_defaults_list, {}
 
     def once(file):
         name = str(getattr(file, "name", file))
@@ -67,7 +69,21 @@ def configs_are_parsed_once():
             rules[text, rule] = parse_rule(parser, text, rule)
         return copy.copy(rules[text, rule])  # it is then told who has parsed it
 
+    def merged_once(loader, defaults, repo):
+        """A list of files, before overrides of single values."""
+        sources = {
+            (one.provider, one.path) for one in repo.get_sources() if one.provider not in ("hydra", "schema")
+        }
+        if sources != {("main", str(CONFIGS))}:
+            return merge(loader, defaults, repo)  # configs of a user's own, or of a commit
+        names = ("config_path", "parent", "package", "is_self", "primary", "override_key")
+        key = tuple(tuple(getattr(one, name) for name in names) for one in defaults)
+        if key not in merged:
+            merged[key] = merge(loader, defaults, repo)
+        return copy.deepcopy(merged[key])
+
     with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ConfigLoaderImpl, "_compose_config_from_defaults_list", merged_once)
         patch.setattr(OmegaConf, "load", staticmethod(once))
         patch.setattr(OverridesParser, "parse_rule", parsed_rule)
         yield

@@ -1,5 +1,6 @@
 """What the steps of a pipeline leave behind, without running them."""
 
+import copy
 import functools
 import os
 from collections.abc import Sequence
@@ -23,7 +24,7 @@ def places(folder: Path) -> list[str]:
 
 def composed(step: tuple[str, ...], shared: Sequence[str] = ()) -> DictConfig:
     """As `step_config`, once for all tests of a process: it takes most of the time of those that fake what steps do."""
-    return _composed(tuple(step), tuple(shared))
+    return copy.deepcopy(_composed(tuple(step), tuple(shared)))
 
 
 _composed = functools.cache(steps.step_config)

@@ -12,7 +12,9 @@ from tstar_rl.chaining.skill import Skill
 from tstar_rl.chaining.trials import run_trial
 from tstar_rl.chaining.turns import Turn
 from tstar_rl.checks import InvalidValueError
+from tstar_rl.env.task_tables import furniture_digest
 from tstar_rl.models.normalizer import Normalizer
+from tstar_rl.runs import checkpoint
 from tstar_rl.runs.mismatch import CheckpointMismatchError
 from tstar_rl.runs.run_config import read_config, write_config
 
@@ -155,14 +157,18 @@ def test_skills_of_another_size_or_world_are_refused(point_chain, tmp_path, reci
 
 
 @pytest.mark.parametrize("recipe", ["tstar", "floored", "refitted", "recover"])
-def test_a_chain_notes_what_its_skills_took(point_chain, tmp_path, recipe):
+def test_a_chain_notes_what_its_skills_took_and_where_it_was_trained(point_chain, tmp_path, recipe):
     for index in range(NUM_SKILLS):
         ended = tmp_path / f"runs/table_lack/gail_ppo/seed0/subtask{index}/finished.json"
         ended.write_text(json.dumps({"env_steps": 10, "minutes": 0.5}))
-    own = ["floor=0.7"] if recipe == "floored" else []
-    point_chain(recipe, "scale=laptop", "chain.gate=false", "chain.rounds=1", *own)
-    noted = read_config(tmp_path / f"results/table_lack/{recipe}/seed0")["skills_took"]
-    assert noted == {"env_steps": 10 * NUM_SKILLS, "minutes": 0.5 * NUM_SKILLS}
+    own = {"floored": ["floor=0.7"], "recover": ["feasibility.steps=2"]}.get(recipe, [])
+    point_chain(recipe, "scale=laptop", *SHORT, "chain.rounds=1", *own)
+    config = read_config(tmp_path / f"results/table_lack/{recipe}/seed0")
+    assert config["skills_took"] == {"env_steps": 10 * NUM_SKILLS, "minutes": 0.5 * NUM_SKILLS}
+    saved = checkpoint.read_record(tmp_path / f"runs/table_lack/{recipe}/seed0/last/skill0")
+    assert saved["env"] == {name: config["env"][name] for name in saved["env"]} and len(saved["env"]) > 2
+    assert saved["furniture"] == furniture_digest("table_lack")
+    assert saved["recipe"] == config["recipe"] == recipe
 
 
 def test_a_chain_is_refitted_to_its_own_states(point_chain, tmp_path, monkeypatch):

@@ -50,6 +50,13 @@ def of_progress(number: float) -> Trial:
     )
 
 
+def test_the_first_trial_counts_all_skills_whosever_turn_it_follows():
+    chain = Chain(0.75)
+    gate = Gate(GateSettings(False, 0.0, 1), chain.run_trial)
+    assert gate.judge(0, 1, undo=print, redo=print).steps == 10
+    assert chain.trials == [(0.75, None, 0)]
+
+
 @pytest.mark.parametrize(("trained", "kept"), [(0.95, 0.95), (0.89, 0.89), (0.87, 0.9)])
 def test_a_turn_that_lost_more_than_the_margin_is_put_back(trained, kept):
     chain = Chain(0.9)

@@ -128,6 +128,7 @@ def test_outcomes_of_a_rollout_are_those_of_episodes_that_ended():
     starts, succeeded, share = outcomes_of(rollout(), 3, lambda obs: obs - 1.0)  # .5 of what comes after 1.5
     assert starts.tolist() == [[1.0], [2.0]] and succeeded.tolist() == [True, False]
     assert_close(share, torch.tensor([2 / 3, 0.0]))
+    assert_close(outcomes_of(rollout(), 3, lambda obs: obs)[2], torch.tensor([1.0, 0.0]))  # no more than all
     assert_close(outcomes_of(rollout(), 1, None)[2], torch.tensor([1.0, 0.0]))
 
 

@@ -182,8 +182,8 @@ def test_an_update_that_goes_on_is_not_handed_out_for_another(point_chain, monke
 
     policy_update = TurnUpdates.policy_update
     monkeypatch.setattr(TurnUpdates, "policy_update", twice)
-    with pytest.raises(InvalidValueError, match=message):
-        point_chain("policy_sequencing", "chain.gate=false", "chain.links=2")
+    with pytest.raises(InvalidValueError, match=message):  # in the first turn, that of skill 1
+        point_chain("policy_sequencing", "chain.gate=false", "chain.links=2", "chain.order=backward")
 
 
 def test_what_has_no_state_is_refused(point_chain, monkeypatch):
@@ -238,4 +238,5 @@ def test_a_networks_loss_is_the_same_in_every_turn(point_chain, monkeypatch):
     with pytest.raises(
         InvalidValueError, match="update_further goes on with the distance of the skill's last turn"
     ):
-        point_chain("policy_sequencing", "chain.gate=false", "chain.links=2", "chain.rounds=2")
+        short = ("chain.steps_per_turn=512", "chain.trial_every=100", "chain.seed_episodes=0")
+        point_chain("policy_sequencing", "chain.gate=false", "chain.links=2", "chain.rounds=2", *short)

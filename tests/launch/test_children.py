@@ -88,7 +88,7 @@ def test_what_runs_ends_with_the_queue_and_nothing_more_is_begun(tmp_path, numbe
 def test_a_child_that_takes_too_long_is_killed(tmp_path):
     note = tmp_path / "note"
     with pytest.raises(subprocess.TimeoutExpired):
-        run_child(["sh", "-c", f"echo $$ > {note}; exec sleep 60"], os.environ, 2)
+        run_child(["sh", "-c", f"echo $$ > {note}; exec sleep 60"], os.environ, 1)
     assert not lives(int(note.read_text()))
 
 
@@ -107,7 +107,7 @@ def test_a_child_that_does_not_end_is_killed(tmp_path, monkeypatch):
     note = tmp_path / "note"
     with pytest.raises(subprocess.TimeoutExpired):
         run_child(
-            ["bash", "-c", f"trap '' TERM; echo $$ > {note}; while :; do sleep 0.1; done"], os.environ, 2
+            ["bash", "-c", f"trap '' TERM; echo $$ > {note}; while :; do sleep 0.1; done"], os.environ, 1
         )
     assert not lives(int(note.read_text()))
 

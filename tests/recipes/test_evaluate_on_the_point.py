@@ -1,5 +1,7 @@
 """The figures that `evaluate.py` writes, of chains on the point whose outcomes are known."""
 
+import math
+
 import pandas as pd
 import pytest
 from point_chain import PointChain, make_skills
@@ -54,6 +56,13 @@ def test_each_checkpoint_has_its_own_figures_from_episodes_of_the_runs_seed(
     assert 0.25 < last < 0.75 and best > 0.9
     modes = [(64, None, evaluation_seed(SEED, mode, None)) for mode in ("deterministic", "stochastic")]
     assert [world[:3] for world in worlds] == modes * 2 and modes[0] != modes[1]
+
+
+def test_a_shorter_chain_ends_with_its_last_link(skills, evaluated, tmp_path):
+    save_chain(skills[:2], tmp_path / f"runs/table_lack/tstar/seed{SEED}/last")
+    row = evaluated("modes=[deterministic]").loc[("last", "deterministic")]
+    assert row.success == row.subtask_1 and row.progress == pytest.approx((1 + row.subtask_1) / 2)
+    assert math.isnan(row.subtask_2) and 0.25 < row.success < 0.75
 
 
 def test_a_checkpoint_that_is_another_ones_copy_is_not_run_again(skills, evaluated, tmp_path):

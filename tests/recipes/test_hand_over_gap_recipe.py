@@ -74,7 +74,7 @@ def test_a_second_run_replaces_its_own_rows_and_leaves_others(measure):
 
 
 def test_sides_of_an_input_that_is_asked_for(measure):
-    few = ("evaluation.episodes=8", "influence_starts=0", "floors=[]")
+    few = ("evaluation.episodes=8", "evaluation.whole_episodes=8", "influence_starts=0", "floors=[]")
     _, seams = measure(*few, "split_by=joint 0")
     assert seams.split_by.tolist() == ["joint 0"] * 3
     with pytest.raises(ValueError, match="split_by must be null or an input such as joint 6.*got 'joint7'"):
@@ -100,6 +100,7 @@ def test_the_sign_of_a_quaternion_is_no_side(split_by):
 
 def test_rows_of_a_chain_are_replaced_with_those_of_all_its_floors(measure):
     """Its skills may have been trained anew between the two calls."""
-    measure("floors=[0.01]", "influence_starts=0")
-    gaps, seams = measure("floors=[]", "influence_starts=0")
+    few = ("evaluation.episodes=8", "evaluation.whole_episodes=8", "influence_starts=0")
+    measure("floors=[0.01]", *few)
+    gaps, seams = measure("floors=[]", *few)
     assert gaps.floor.tolist() == [0.0] and seams.subtask.tolist() == [1, 2, 3]

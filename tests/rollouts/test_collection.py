@@ -32,6 +32,14 @@ def test_rollouts_go_on_bit_for_bit_from_their_state():
         assert torch.equal(expected[key], resumed[key]), key
 
 
+def test_an_environment_that_says_nothing_of_its_state_is_not_saved():
+    env = PointChain("table_lack", 2, seed=0)
+    env.state_dict = dict
+    collection = Collection(with_starts(env), lambda step: step.set("action", torch.zeros(2, 9)), 1)
+    with pytest.raises(InvalidValueError, match=r"PointChain cannot be saved: its state_dict\(\) is empty"):
+        collection.state_dict()
+
+
 def test_an_environment_that_lacks_what_skills_read_is_told_what():
     env = PointChain("table_lack", 4, seed=0)
     del env.observation_spec["phase"]

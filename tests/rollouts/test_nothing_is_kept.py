@@ -35,6 +35,7 @@ def test_a_collection_keeps_nothing_of_the_rollouts_that_it_gave():
     for _ in range(12):
         collection.rollout()
     assert numbers_alive() <= before  # what an earlier test has left may be freed meanwhile
+    before = numbers_alive()
     held = collection.rollout()
     assert numbers_alive() >= before + held["observation"].numel()
     collection.close()

@@ -33,6 +33,22 @@ def test_chained_starts_go_to_rows_being_reset(make_env, policy):
     assert sum(env.transform.draws.values()) == 100 + int(rollout["next", "done"][:, :-1].sum())
 
 
+class Numbered(FixedStarts):
+    """Draws that can be told apart."""
+
+    def sample(self, n, generator):
+        drawn = super().sample(n, generator)
+        drawn["physics"][:, 0] = torch.arange(n).double()
+        return drawn
+
+
+def test_each_chained_row_has_a_draw_of_its_own():
+    start = SkillChainReset(Numbered(), 0.5, seed=3)._draw(torch.ones(50, dtype=torch.bool))
+    assert start is not None and 10 < start["use"].sum() < 40
+    used = start["use"].squeeze(-1)
+    assert start["snapshot", "physics"][used, 0].tolist() == list(range(int(used.sum())))
+
+
 def test_without_starts_the_environment_begins(make_env):
     starts = FixedStarts(available=False)
     env = TransformedEnv(make_env(), SkillChainReset(starts, probability=1.0))

@@ -30,8 +30,10 @@ def test_the_rate_of_each_epoch(cosine_decay, shares):
     rates = []
     hook = register_optimizer_step_pre_hook(lambda adam, *rest: rates.append(adam.param_groups[0]["lr"]))
     settings = BehaviourCloningSettings(epochs=4, minibatch=64, learning_rate=3e-3, cosine_decay=cosine_decay)
-    behaviour_cloning(small_skill().policy, torch.randn(64, 72), torch.zeros(64, 9), settings)
-    hook.remove()
+    try:
+        behaviour_cloning(small_skill().policy, torch.randn(64, 72), torch.zeros(64, 9), settings)
+    finally:
+        hook.remove()
     assert rates == pytest.approx([3e-3 * share for share in shares], rel=1e-4)
 
 
