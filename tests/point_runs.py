@@ -9,9 +9,10 @@ import pandas as pd
 import pytest
 import torch
 from hydra import compose, initialize_config_dir
-from point_chain import PointChain, make_skills
+from point_chain import SUBTASKS, PointChain, make_skills
 from recipe_runs import ROOT
 
+from tstar_rl.chaining.skill import Skill
 from tstar_rl.config import build, chain
 from tstar_rl.config.values import CONFIGS
 from tstar_rl.env import furniture_env
@@ -46,6 +47,14 @@ SIZES = [
     "networks.features=false",
 ]
 """Values of a config, otherwise the laptop scale's, that has the networks of point_chain.NETWORKS."""
+
+
+@pytest.fixture
+def point_skills(tmp_path, monkeypatch) -> list[Skill]:
+    """Of a chain on the point, untrained: about half of its episodes fail at the second, which succeeds where y > 0."""
+    make_skills(tmp_path)
+    monkeypatch.setattr(furniture_env, "FurnitureEnv", PointChain)
+    return [Skill.load(tmp_path / f"runs/table_lack/gail_ppo/seed0/subtask{k}/last") for k in range(SUBTASKS)]
 
 
 @pytest.fixture

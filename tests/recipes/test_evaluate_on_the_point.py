@@ -4,11 +4,9 @@ import math
 
 import pandas as pd
 import pytest
-from point_chain import PointChain, make_skills
 
 from tstar_rl.chaining.chain import save_chain
 from tstar_rl.chaining.recovery import RecoverySettings
-from tstar_rl.chaining.skill import Skill
 from tstar_rl.env import furniture_env
 from tstar_rl.env.task_tables import furniture_digest
 from tstar_rl.runs.run_config import read_config, write_config
@@ -18,16 +16,6 @@ SEED = 5
 WORLD = {"velocity_scale": 0.4, "gripper": "sign", "preassembled": "jitter"}
 """Of the laptop scale."""
 SETTINGS = ("+env.max_steps=20", "evaluation.whole_episodes=64", "video=false", f"seed={SEED}")
-
-
-@pytest.fixture
-def skills(tmp_path, monkeypatch) -> list[Skill]:
-    """Of a chain of which about half fails at the second, which succeeds where y > 0 alone."""
-    make_skills(tmp_path)
-    monkeypatch.setattr(furniture_env, "FurnitureEnv", PointChain)
-    return [
-        Skill.load(tmp_path / f"runs/table_lack/gail_ppo/seed0/subtask{index}/last") for index in range(4)
-    ]
 
 
 @pytest.fixture
@@ -44,13 +32,13 @@ def evaluated(call, tmp_path):
 
 
 def test_each_checkpoint_has_its_own_figures_from_episodes_of_the_runs_seed(
-    skills, evaluated, tmp_path, worlds
+    point_skills, evaluated, tmp_path, worlds
 ):
     """In the best chain the first skill ends where y > 0."""
     run = tmp_path / f"runs/table_lack/tstar/seed{SEED}"
-    save_chain(skills, run / "last")
-    skills[0].policy[0][1].module[0][-1].bias.data[1] = 3.0
-    save_chain(skills, run / "best")
+    save_chain(point_skills, run / "last")
+    point_skills[0].policy[0][1].module[0][-1].bias.data[1] = 3.0
+    save_chain(point_skills, run / "best")
     rows = evaluated("modes=[deterministic,stochastic]")
     last, best = (rows.success[name, "deterministic"] for name in ("last", "best"))
     assert 0.25 < last < 0.75 and best > 0.9
@@ -58,22 +46,22 @@ def test_each_checkpoint_has_its_own_figures_from_episodes_of_the_runs_seed(
     assert [world[:3] for world in worlds] == modes * 2 and modes[0] != modes[1]
 
 
-def test_a_shorter_chain_ends_with_its_last_link(skills, evaluated, tmp_path):
-    save_chain(skills[:2], tmp_path / f"runs/table_lack/tstar/seed{SEED}/last")
+def test_a_shorter_chain_ends_with_its_last_link(point_skills, evaluated, tmp_path):
+    save_chain(point_skills[:2], tmp_path / f"runs/table_lack/tstar/seed{SEED}/last")
     row = evaluated("modes=[deterministic]").loc[("last", "deterministic")]
     assert row.success == row.subtask_1 and row.progress == pytest.approx((1 + row.subtask_1) / 2)
     assert math.isnan(row.subtask_2) and 0.25 < row.success < 0.75
 
 
-def test_a_checkpoint_that_is_another_ones_copy_is_not_run_again(skills, evaluated, tmp_path):
+def test_a_checkpoint_that_is_another_ones_copy_is_not_run_again(point_skills, evaluated, tmp_path):
     for name in ("last", "best"):
-        save_chain(skills, tmp_path / f"runs/table_lack/tstar/seed{SEED}" / name)
+        save_chain(point_skills, tmp_path / f"runs/table_lack/tstar/seed{SEED}" / name)
     rows = evaluated("modes=[deterministic]").drop(columns=["minutes", "env_steps"])
     assert rows.loc["last"].equals(rows.loc["best"])
 
 
 def test_a_chain_that_was_saved_with_recovery_goes_home_at_the_worlds_speed(
-    skills, evaluated, tmp_path, monkeypatch
+    point_skills, evaluated, tmp_path, monkeypatch
 ):
     """Every hand-over is drawn to go home: a step back, to where the skill before was not done yet."""
     asked = []
@@ -86,7 +74,7 @@ def test_a_chain_that_was_saved_with_recovery_goes_home_at_the_worlds_speed(
 
     monkeypatch.setattr("tstar_rl.config.recovery.way_home", home)
     recovery = {"settings": vars(RecoverySettings()), "shares": [1.0] * 3}
-    save_chain(skills, tmp_path / f"runs/table_lack/tstar/seed{SEED}/last", recovery=recovery)
+    save_chain(point_skills, tmp_path / f"runs/table_lack/tstar/seed{SEED}/last", recovery=recovery)
     rows = evaluated("modes=[deterministic]", "checkpoints=[last]", "env.velocity_scale=0.4")
     row = rows.loc["last", "deterministic"]
     begun = (
@@ -95,10 +83,10 @@ def test_a_chain_that_was_saved_with_recovery_goes_home_at_the_worlds_speed(
     assert row.homings == pytest.approx(begun) and set(asked) == {0.4}
 
 
-def test_a_chain_is_not_evaluated_as_one_of_another_world(skills, say, tmp_path):
+def test_a_chain_is_not_evaluated_as_one_of_another_world(point_skills, say, tmp_path):
     """As where runs_dir is given and results_dir is forgotten: the tables there are of another chain, and stay."""
     save_chain(
-        skills, tmp_path / f"runs/table_lack/tstar/seed{SEED}/last", env=WORLD | {"velocity_scale": 0.3}
+        point_skills, tmp_path / f"runs/table_lack/tstar/seed{SEED}/last", env=WORLD | {"velocity_scale": 0.3}
     )
     table = tmp_path / f"results/table_lack/tstar/seed{SEED}/evaluation.csv"
     table.parent.mkdir(parents=True)
@@ -113,9 +101,9 @@ def test_a_chain_is_not_evaluated_as_one_of_another_world(skills, say, tmp_path)
     ("recipe", "table"), [("evaluate", "tstar/seed5/evaluation.csv"), ("hand_over", "hand_over.csv")]
 )
 def test_a_damaged_table_is_told_before_anything_is_measured(
-    skills, say, tmp_path, monkeypatch, recipe, table
+    point_skills, say, tmp_path, monkeypatch, recipe, table
 ):
-    save_chain(skills, tmp_path / f"runs/table_lack/tstar/seed{SEED}/last", env=WORLD)
+    save_chain(point_skills, tmp_path / f"runs/table_lack/tstar/seed{SEED}/last", env=WORLD)
     path = tmp_path / "results/table_lack" / table
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text("seed,success\n0,0.")
@@ -129,8 +117,10 @@ def test_a_damaged_table_is_told_before_anything_is_measured(
     assert path.read_text() == "seed,success\n0,0."
 
 
-def test_skills_of_another_file_of_furniture_are_refused(skills, say, tmp_path):
-    save_chain(skills, tmp_path / f"runs/table_lack/tstar/seed{SEED}/last", env=WORLD, furniture="0" * 64)
+def test_skills_of_another_file_of_furniture_are_refused(point_skills, say, tmp_path):
+    save_chain(
+        point_skills, tmp_path / f"runs/table_lack/tstar/seed{SEED}/last", env=WORLD, furniture="0" * 64
+    )
     values = [f"{place}_dir={tmp_path / place}" for place in ("results", "runs")]
     told = say("evaluate", "system=tstar", *SETTINGS, *values)
     assert (
@@ -138,9 +128,11 @@ def test_skills_of_another_file_of_furniture_are_refused(skills, say, tmp_path):
     )
 
 
-def test_skills_are_chained_as_they_are_in_their_own_world_unless_it_may_differ(skills, call, say, tmp_path):
+def test_skills_are_chained_as_they_are_in_their_own_world_unless_it_may_differ(
+    point_skills, call, say, tmp_path
+):
     """Each says which that is, or, saved by an older version, the config of its results does."""
-    for index, skill in enumerate(skills):
+    for index, skill in enumerate(point_skills):
         place = f"table_lack/gail_ppo/seed{SEED}/subtask{index}"
         said = {"env": WORLD | {"arm_noise": 0.1}} if index == 2 else {}
         skill.save(tmp_path / "runs" / place / "last", **said)

@@ -1,23 +1,15 @@
 """The recipe that follows a chain skill by skill: what each is handed, and how it does from there."""
 
 import pandas as pd
-from point_chain import PointChain, make_skills
 
 from tstar_rl.chaining.chain import save_chain
-from tstar_rl.chaining.skill import Skill
-from tstar_rl.env import furniture_env
 
 
 def test_a_skill_that_fails_where_the_one_before_ends_is_told_from_those_that_do_not(
-    call, tmp_path, monkeypatch
+    call, tmp_path, point_skills
 ):
     """From its own starts every skill succeeds. Skill 0 ends on both sides of y = 0, and skill 1 fails below."""
-    make_skills(tmp_path)
-    monkeypatch.setattr(furniture_env, "FurnitureEnv", PointChain)
-    skills = [
-        Skill.load(tmp_path / f"runs/table_lack/gail_ppo/seed0/subtask{index}/last") for index in range(4)
-    ]
-    save_chain(skills, tmp_path / "runs/table_lack/tstar/seed0/last")
+    save_chain(point_skills, tmp_path / "runs/table_lack/tstar/seed0/last")
     places = [f"{place}_dir={tmp_path / place}" for place in ("results", "runs")]
     for _ in range(2):  # its own rows are replaced
         call("hand_over", "systems=[tstar]", "+env.max_steps=20", "evaluation.episodes=64", *places)

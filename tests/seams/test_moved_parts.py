@@ -11,10 +11,13 @@ from hydra import compose, initialize_config_dir
 from recipe_runs import ROOT
 from tensordict import TensorDict
 
+from tstar_rl.chaining.chain import save_chain
+from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.values import CONFIGS
 from tstar_rl.env.layout import PARTS, observation_size
 from tstar_rl.seams.moved_parts import MovedParts, success_by_moved
 
+PLACE = "runs/table_lack/policy_sequencing/seed0"
 PARTS_OF = {"part": [1, 0], "target": [0, 1]}
 """Subtask 0 moves the second part to the first, subtask 1 the first to the second."""
 
@@ -84,9 +87,9 @@ def measure(folder, *values: str) -> None:
     runpy.run_path(str(ROOT / "recipes/moved_parts.py"))["main"].__wrapped__(config)
 
 
-def test_the_recipe_writes_a_row_for_each_hand_over(point_chain, tmp_path, capsys):
+def test_the_recipe_writes_a_row_for_each_hand_over(point_skills, tmp_path, capsys):
     """Skill 0 of the point always succeeds; its parts lie still, at 0 with a quaternion of no turn at all."""
-    point_chain("policy_sequencing")
+    save_chain(point_skills, tmp_path / PLACE / "last")
     measure(tmp_path, "system=policy_sequencing", "evaluation.whole_episodes=32")
     table = pd.read_csv(tmp_path / "results/table_lack/policy_sequencing/seed0/moved_parts.csv")
     first = table[table.skill == 1]
@@ -96,10 +99,19 @@ def test_the_recipe_writes_a_row_for_each_hand_over(point_chain, tmp_path, capsy
     assert "moved_parts.csv" in said and re.search(r"^1 +not moved +32 +", said, re.MULTILINE)
 
 
-def test_each_checkpoint_has_its_rows_and_new_ones_replace_them(point_chain, tmp_path):
-    point_chain("policy_sequencing")
+def test_each_checkpoint_has_its_rows_and_new_ones_replace_them(point_skills, tmp_path):
+    for checkpoint in ("last", "best"):
+        save_chain(point_skills, tmp_path / PLACE / checkpoint)
     for checkpoint, episodes in (("last", 8), ("best", 16), ("last", 4)):
         number = f"evaluation.whole_episodes={episodes}"
         measure(tmp_path, "system=policy_sequencing", number, f"checkpoint={checkpoint}")
     table = pd.read_csv(tmp_path / "results/table_lack/policy_sequencing/seed0/moved_parts.csv")
     assert table[table.skill == 1].groupby("checkpoint").size().to_dict() == {"best": 16, "last": 4}
+
+
+def test_a_chain_that_hands_nothing_over_is_told(point_skills, tmp_path):
+    """Its first skill stands still."""
+    point_skills[0].policy[0][1].module[0][-1].bias.data[0] = 0.0
+    save_chain(point_skills, tmp_path / PLACE / "last")
+    with pytest.raises(InvalidValueError, match="no skill was handed anything"):
+        measure(tmp_path, "system=policy_sequencing", "evaluation.whole_episodes=4", "+env.max_steps=20")

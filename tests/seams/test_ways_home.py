@@ -11,6 +11,7 @@ from recipe_runs import ROOT
 from tensordict import TensorDict
 
 from tstar_envs.robots import sawyer
+from tstar_rl.chaining.chain import save_chain
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.values import CONFIGS
 from tstar_rl.env.layout import PARTS, observation_size
@@ -87,8 +88,8 @@ def test_the_recipe_writes_a_row_for_each_way_home(point_chain, tmp_path, capsys
     assert "ways_home.csv" in capsys.readouterr().out
 
 
-def test_a_chain_without_recovery_is_refused(point_chain, tmp_path):
-    point_chain("policy_sequencing")
+def test_a_chain_without_recovery_is_refused(point_skills, tmp_path):
+    save_chain(point_skills, tmp_path / "runs/table_lack/policy_sequencing/seed0/last")
     with pytest.raises(
         InvalidValueError, match="seed0/last is a chain without recovery: its arm never goes home"
     ):
