@@ -98,6 +98,13 @@ def test_what_is_logged_and_what_is_refused():
             update(torch.randn(4, 72), labels)
 
 
+def test_what_is_logged_is_the_mean_over_steps():
+    settings = LabelledSettings(steps=3, learning_rate=1e-9, weight_decay=0.0, noise=0.0, floor=None)
+    update = LabelledUpdate("f", linear([1 / 72] * 72), squared_error_loss, settings)
+    log = update(torch.ones(4, 72), torch.zeros(4))  # it says 1 of every state, and should say 0
+    assert log["f_score"] == pytest.approx(1.0, rel=1e-4) and log["f_loss"] == pytest.approx(1.0, rel=1e-4)
+
+
 @pytest.mark.parametrize("deviation", [0.1, 0.4])
 def test_the_loss_gets_rows_with_their_labels_and_noise_of_the_deviation_asked_for(deviation, monkeypatch):
     settings = LabelledSettings(steps=3, noise=deviation)
