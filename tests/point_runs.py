@@ -40,6 +40,7 @@ SMALL = [
 """Two rollouts of 512 steps a turn; an episode takes three or four steps."""
 SIZES = [
     "networks.hidden=[16]",
+    "networks.value_hidden=null",
     "networks.discriminator_hidden=[16]",
     "networks.action_std=0.3",
     "networks.hand_std=0.3",

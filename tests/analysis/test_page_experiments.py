@@ -119,7 +119,7 @@ def test_the_turns_of_an_experiment_by_hand(published):
         rows.to_csv(place / f"buffer_no_gate/seed{seed}/metrics.csv", index=False)
     page = results_page(published, THEIRS, "")
     assert (
-        "| T-STAR | 2 | 2 | 0.625 | 0.50 | 0.80 | 0.08 | 0.60M |" in page
+        "| T-STAR | 2 | 2 | 0.625 | 0.50 | 0.80 (1 of 2 seeds) | 0.08 | 0.60M |" in page
     )  # one seed has a kept turn's: no interval
     assert "| buffer starts, every turn kept | 2 | 2 | 0.625 | 0.50 | - | - | 0.60M |" in page
     drawn = draw_page(published, THEIRS, published / "figures")
