@@ -112,7 +112,9 @@ def _auc(row: pd.Series) -> str:
     """With of how many seeds, where some have none."""
     half = "" if math.isnan(row["auc_half"]) else f" +- {row['auc_half']:.2f}"
     some = 0 < row["auc_seeds"] < row["seeds"]
-    return _share(row["auc"]) + half + (f" ({row['auc_seeds']:.0f} of {row['seeds']:.0f} seeds)" if some else "")
+    return (
+        _share(row["auc"]) + half + (f" ({row['auc_seeds']:.0f} of {row['seeds']:.0f} seeds)" if some else "")
+    )
 
 
 def _share(value: float) -> str:
