@@ -175,7 +175,7 @@ def check_choices(settings: Any, **choices: Iterable[str]) -> None:
 
 
 def check_sizes(settings: Any, *names: str) -> None:
-    """Checks the sizes of hidden layers in a settings object; no layer at all is one way to be.
+    """Checks the sizes of hidden layers in a settings object; no layer at all is one way to be, None another.
 
     Args:
         settings: a dataclass.
@@ -185,7 +185,7 @@ def check_sizes(settings: Any, *names: str) -> None:
         InvalidValueError: for the first that has a layer of less than one unit.
     """
     for name in names:
-        if min(sizes := getattr(settings, name), default=1) < 1:
+        if min((sizes := getattr(settings, name)) or (), default=1) < 1:
             raise InvalidValueError(
                 f"{type(settings).__name__}.{name} must be sizes of at least 1, got {sizes}"
             )

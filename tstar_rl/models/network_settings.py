@@ -43,4 +43,4 @@ class NetworkSettings:
         check_choices(
             self, activation=ACTIVATIONS, discriminator_activation=ACTIVATIONS, std=("state", "fixed")
         )
-        check_sizes(self, "hidden", "discriminator_hidden", *(["value_hidden"] if self.value_hidden else []))
+        check_sizes(self, "hidden", "value_hidden", "discriminator_hidden")
