@@ -47,10 +47,17 @@ def test_each_checkpoint_has_its_own_figures_from_episodes_of_the_runs_seed(
 
 
 def test_a_shorter_chain_ends_with_its_last_link(point_skills, evaluated, tmp_path):
-    save_chain(point_skills[:2], tmp_path / f"runs/table_lack/tstar/seed{SEED}/last")
-    row = evaluated("modes=[deterministic]").loc[("last", "deterministic")]
+    """In the best chain the first skill ends where y > 0, and two subtasks take some six steps."""
+    run = tmp_path / f"runs/table_lack/tstar/seed{SEED}"
+    save_chain(point_skills[:2], run / "last")
+    point_skills[0].policy[0][1].module[0][-1].bias.data[1] = 3.0
+    save_chain(point_skills[:2], run / "best")
+    rows = evaluated("modes=[deterministic]")
+    row, best = (rows.loc[(name, "deterministic")] for name in ("last", "best"))
     assert row.success == row.subtask_1 and row.progress == pytest.approx((1 + row.subtask_1) / 2)
     assert math.isnan(row.subtask_2) and 0.25 < row.success < 0.75
+    longest = 7 * best.success + 20 * (1 - best.success)  # a failed episode has 20 steps
+    assert best.success > 0.9 and best.episode_length < longest, "it goes on with what it has no skill for"
 
 
 def test_a_checkpoint_that_is_another_ones_copy_is_not_run_again(point_skills, evaluated, tmp_path):
