@@ -8,14 +8,16 @@ killed, goes on when it is given again: what is finished is not done again, and 
 checkpoint. It ends with 75 if the time was over while there is more to do. All arms come from one commit: where the
 file names it (`commit`, also of a single arm), its code is checked out below <runs_dir>/code and run from there, so
 that a later checkout goes on with an experiment and changes nothing of it. Tables land in results/<name>/; with
-publish=true those of finished runs are copied to results/published/<name>/, but for seeds and arms that are not
-declared. With unpublished=true an arm of a seed that lies there is left out; of the rest, what it starts from is made
-anew, which gives the same numbers, to the bit: tables that lie there stay, and other numbers are an error.
+publish=true those of declared seeds and arms that this call has evaluated, or has found done as they are declared, are
+copied to results/published/<name>/. With unpublished=true an arm of a seed that lies there is left out; of the rest,
+what it starts from is made anew, which gives the same numbers, to the bit: tables that lie there stay, and other
+numbers are an error.
 """
 
 import itertools
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -34,10 +36,12 @@ from tstar_rl.launch.backends import check_local
 from tstar_rl.launch.bonus import bonus_source, with_bonus, with_some_bonus, without_bonus
 from tstar_rl.launch.code_of_commit import code_of_commit, configs_of
 from tstar_rl.launch.overrides import passed_on
+from tstar_rl.launch.run_folders import run_folder
 from tstar_rl.launch.side_by_side import Step, run_side_by_side
 from tstar_rl.launch.steps import check_step, is_done, left_behind, step_config
 from tstar_rl.launch.time_limit import MORE, TimeIsOver, check_goes_on, deadline, run_until
 from tstar_rl.runs.mismatch import MACHINE_ONLY
+from tstar_rl.runs.run_folder import Place, run_path
 
 OWN = ("experiment", "processes", "minutes", "publish", "unpublished", "seeds", "tasks", "arms")
 
@@ -69,7 +73,7 @@ def main(config: DictConfig) -> None:
         first = [*declared.shared(*declared.lanes()[0]), *passed_on(OWN)]
         results = step_config(("gail_ppo",), first).results_dir
         try:
-            print("\n".join(map(str, publish(results, published, declared.declares))))
+            print("\n".join(map(str, publish(results, published, partial(run.is_done, declared, results)))))
         except UserError as error:
             if stopped is None:
                 raise
@@ -126,12 +130,14 @@ class _Steps:
         end: when the time is over, in seconds of the monotonic clock.
         published: tables of the experiment, where a bonus may be found.
         further: steps that left more to go on from than they found.
+        evaluated: folders of the tables of evaluations that are done.
     """
 
     code: dict[str, Path]
     end: float
     published: Path
     further: list[Step] = field(default_factory=list)
+    evaluated: set[Path] = field(default_factory=set)
     composing: Lock = field(default_factory=Lock)
     """Hydra composes one config at a time."""
 
@@ -142,8 +148,17 @@ class _Steps:
             folders = place.results_dir, place.runs_dir, self.published
             step = with_bonus(step, place.task.name, place.seed, *folders)
             done = is_done(step, other_code=root is not None)
-        if done:
-            return
+        if not done:
+            self._run(step, place, line, root)
+        if step[0] == "evaluate":
+            self.evaluated.add(run_folder(place, "results_dir"))
+
+    def is_done(self, declared: DeclaredExperiment, results: str, run: Place) -> bool:
+        """Whether a run is declared, and its evaluation below `results` was made by these steps or found done."""
+        return declared.declares(run) and run_path(results, *run) in self.evaluated
+
+    def _run(self, step: Step, place: DictConfig, line: int, root: Path | None) -> None:
+        """Runs a step; `place` is its config."""
         before = left_behind(step, place)
         try:
             run_until(self.end, step, line=line, code=root)
@@ -174,7 +189,7 @@ def _check(lanes: list[list[Planned]], code: dict[str, Path]) -> None:
             check_step(with_some_bonus(step))
             continue
         with configs_of(code[commit]):  # whose recipes check more than that there are such values
-            step_config(with_some_bonus(step))
+            check_step(with_some_bonus(step), configs=code[commit] / "configs")
 
 
 def _check_bonuses(lanes: list[list[Planned]], code: dict[str, Path], published: Path) -> None:

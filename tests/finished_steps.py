@@ -50,6 +50,7 @@ def finish(
             leave_demonstrations(file, plain(config))
         else:
             file.write_text("{}")
+            (file.parent / "last").mkdir(exist_ok=True)
         os.utime(file, (at, at))
     if step[0] not in ("evaluate", "make_demonstrations"):
         results = Path(config.results_dir) / step_files(step, config)[0].parent.relative_to(config.runs_dir)

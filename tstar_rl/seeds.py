@@ -1,5 +1,7 @@
 """Seeds: what trains, what chooses and what reports never share one."""
 
+from numbers import Integral
+
 import numpy as np
 
 __all__ = ["EVALUATIONS", "PURPOSES", "derive_seed", "evaluation_seed"]
@@ -40,16 +42,16 @@ def derive_seed(seed: int, purpose: str, *index: int | None) -> int:
     None (the whole task) counts as 99. An index that is left out counts as 0, as long as there are two of them at most.
 
     Raises:
-        ValueError: if there is no purpose of that name, or the seed is no whole number from 0 to 2**32 - 1: a larger
-            one would share its seeds with another purpose of a smaller one.
+        ValueError: if there is no purpose of that name, or the seed or an index is no whole number from 0 to 2**32 - 1:
+            a larger one would share its seeds with others of smaller ones.
     """
     if purpose not in PURPOSES:
         raise ValueError(f"purpose must be one of {', '.join(PURPOSES)}; got {purpose!r}")
-    if not 0 <= seed < 2**32:
-        raise ValueError(f"seed must be a whole number from 0 to 2**32 - 1, got {seed}")
-    words = np.random.SeedSequence(
-        [seed, PURPOSES.index(purpose), *(99 if i is None else i for i in index)]
-    ).generate_state(1)
+    numbers = [99 if i is None else i for i in index]
+    for name, value in (("seed", seed), *(("an index", number) for number in numbers)):
+        if not isinstance(value, Integral) or not 0 <= value < 2**32:
+            raise ValueError(f"{name} must be a whole number from 0 to 2**32 - 1, got {value}")
+    words = np.random.SeedSequence([seed, PURPOSES.index(purpose), *numbers]).generate_state(1)
     return int(words[0]) % 2**31
 
 

@@ -61,4 +61,4 @@ def test_runs_that_are_declared_are_its_arms_and_their_skills():
 
 def test_a_task_may_have_other_seeds_than_the_rest():
     experiment = parse_experiment({**SMALL, "seeds_by_task": {"table_lack": [8]}})
-    assert experiment.lanes() == [("table_lack", 8)]
+    assert experiment.lanes() == [("table_lack", 8)] and experiment.every_seed == (8,)

@@ -127,6 +127,14 @@ def test_a_run_made_anew_with_the_same_figures_keeps_its_first_tables(tmp_path):
     assert (folder / "config.yaml").read_text() == "commit: old\n"
 
 
+def test_the_order_of_rows_is_no_other_figure(tmp_path):
+    for place, rows in (("a", "best,0.5\nlast,0.7\n"), ("b", "last,0.7\nbest,0.5\n")):
+        folder = tmp_path / place / "table_lack/gail_ppo/seed7/subtask0"
+        folder.mkdir(parents=True)
+        (folder / "evaluation.csv").write_text(f"checkpoint,progress\n{rows}")
+    assert publish(tmp_path / "a", tmp_path / "b") == []
+
+
 def test_other_figures_of_a_published_run_are_an_error_after_the_rest_is_copied(tmp_path):
     for place, progress in (("a/t/one/seed0", 0.5), ("a/t/two/seed0", 0.25), ("b/t/one/seed0", 0.75)):
         (tmp_path / place).mkdir(parents=True)

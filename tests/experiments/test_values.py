@@ -19,7 +19,21 @@ from tstar_rl.experiments.values import parse_experiment
         ({"tasks": "table_lack"}, "experiment.tasks must be a list, each text, got 'table_lack'"),
         ({"seeds": ["01"]}, "experiment.seeds must be a list, each a whole number, got"),
         ({"seeds": 3}, "experiment.seeds must be a list, each a whole number, got 3"),
-        ({"seeds": [-1]}, r"experiment.seeds must be a list of whole numbers from 0, got \(-1,\)"),
+        (
+            {"seeds": [-1]},
+            r"experiment.seeds must be a list of whole numbers from 0 to 4294967295, got \(-1,\)",
+        ),
+        (
+            {"seeds": [0, 2**32]},
+            r"experiment.seeds must be a list of whole numbers from 0 to 4294967295, got",
+        ),
+        (
+            {
+                "seeds_by_task": {"table_lack": [8]},
+                "arms": [{"name": "tstar", "recipe": "tstar", "seeds": [7]}],
+            },
+            "tstar has seeds 7, which no task has; there are 8",
+        ),
         ({"seeds": [7, 7]}, "experiment.seeds must name at least one, and each once; got 7, 7"),
         ({"seeds": []}, "experiment.seeds must name at least one, and each once; got none"),
         (

@@ -10,6 +10,7 @@ from tstar_rl.env.task_tables import furniture_digest
 from tstar_rl.launch.evaluations import check_chain, check_evaluation
 from tstar_rl.launch.run_folders import begun_with, evaluated_runs, run_folder
 from tstar_rl.launch.steps import is_done, missing, step_config
+from tstar_rl.runs.csv_tables import LogError
 from tstar_rl.runs.mismatch import CheckpointMismatchError
 from tstar_rl.runs.run_config import note_evaluation, read_config, write_config
 
@@ -130,11 +131,19 @@ def test_an_evaluation_has_all_modes_and_the_episodes_that_are_asked_for(shared)
     assert not is_done((*EVALUATE, "checkpoints=[best]"), shared)
 
 
+def test_a_table_that_is_no_evaluation_is_named(shared):
+    finish(TRAIN, shared, at=1)
+    finish(EVALUATE, shared, at=2)
+    file = run_folder(step_config(EVALUATE, shared), "results_dir") / "evaluation.csv"
+    file.write_text("checkpoint,mode\nlast,deterministic\n")
+    with pytest.raises(LogError, match=r"evaluation.csv has no column seed, episodes: put it back"):
+        is_done(EVALUATE, shared)
+
+
 def test_an_evaluation_has_every_checkpoint_that_its_run_has_left(shared):
     finish(TRAIN, shared, at=1)
     finish(EVALUATE, shared, at=2)
     (run,) = evaluated_runs(step_config(EVALUATE, shared))
-    (run / "last").mkdir()
     assert is_done(EVALUATE, shared)
     (run / "best").mkdir()  # the table has no row of it
     assert not is_done(EVALUATE, shared) and is_done((*EVALUATE, "checkpoints=[last]"), shared)

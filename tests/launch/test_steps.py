@@ -18,6 +18,13 @@ def test_a_training_whose_results_are_gone_is_not_done(shared):
     assert not is_done(TRAIN, shared)
 
 
+def test_a_training_of_which_what_it_trained_is_gone_is_not_done(shared):
+    finish(TRAIN, shared, at=1)
+    assert is_done(TRAIN, shared)
+    shutil.rmtree(run_folder(step_config(TRAIN, shared), "runs_dir") / "last")
+    assert not is_done(TRAIN, shared)
+
+
 def test_a_training_of_spirl_that_may_go_on_is_not_done(shared):
     step = ("spirl", "subtask=0")
     finish(step, shared, at=1)

@@ -130,26 +130,32 @@ def test_a_step_that_fails_is_told_at_the_end(queue):
         queue(FEW, takes=fails)
 
 
-def test_where_a_step_fails_what_is_finished_and_declared_is_published(queue, tmp_path):
-    def fails(step):
-        raise SystemExit("this step failed: " + step[0])
+def test_where_a_step_fails_what_this_call_has_evaluated_is_published(queue, tmp_path):
+    """Not what else lies there: a declared run of another call may have been made otherwise than declared."""
+    figures = ["1,1"]
 
+    def fails_after_the_first_arm(step):
+        if step[0] == "evaluate":
+            run = run_folder(composed(step), "results_dir")
+            run.mkdir(parents=True, exist_ok=True)
+            (run / "evaluation.csv").write_text(f"progress,minutes\n{figures[0]}\n")
+            if "system=no_finetuning" in step:
+                raise SystemExit("this step failed: " + step[0])
+
+    shelf = tmp_path / "results/shelf/chair_agne"
     for arm, seed in (("tstar", 310), ("tstar", 1), ("mine", 310)):
-        run = tmp_path / f"results/shelf/chair_agne/{arm}/seed{seed}"
+        run = shelf / f"{arm}/seed{seed}"
         run.mkdir(parents=True)
         (run / "evaluation.csv").write_text("progress,minutes\n1,1\n")
-    with pytest.raises(SystemExit, match="this step failed: make_demonstrations"):
-        queue("publish=true", takes=fails)
-    published = (tmp_path / "results/published").rglob("evaluation.csv")
-    assert [file.relative_to(tmp_path).as_posix() for file in published] == [
-        "results/published/shelf/chair_agne/tstar/seed310/evaluation.csv"
-    ]
-    made = tmp_path / "results/shelf/chair_agne/tstar/seed310/evaluation.csv"
-    made.write_text("progress,minutes\n0,1\n")
-    with pytest.raises(
-        SystemExit, match="this step failed: make_demonstrations\npublished before with other figu"
-    ):
-        queue("publish=true", takes=fails)
+    with pytest.raises(SystemExit, match="this step failed: evaluate"):
+        queue("publish=true", takes=fails_after_the_first_arm)
+    published = sorted((tmp_path / "results/published").rglob("evaluation.csv"))
+    assert [
+        file.relative_to(tmp_path / "results/published/shelf/chair_agne").as_posix() for file in published
+    ] == [f"gail_ppo/seed310/subtask{index}/evaluation.csv" for index in range(2)]
+    figures[0] = "0,1"
+    with pytest.raises(SystemExit, match="this step failed: evaluate\npublished before with other figu"):
+        queue("publish=true", takes=fails_after_the_first_arm)
 
 
 def test_what_is_published_is_not_run_again(queue, tmp_path):
@@ -196,7 +202,9 @@ def test_what_every_lane_would_stumble_over_is_told_before_the_first_step(queue,
 @pytest.mark.parametrize(
     ("arm", "message"),
     [
-        (("tstar", "nonsense=1"), "the config has no nonsense"),
+        (("tstar", "nonsense=1"), "tstar seed=2 nonsense=1: the config has no nonsense"),
+        (("tstar", "chain.round=2"), "tstar seed=2 chain.round=2: .*did you mean rounds"),
+        (("policy_sequencing", "minutes=3"), "policy_sequencing seed=2 minutes=3: the config has no minutes"),
         (
             ("tstar", "chain.rounds=two"),
             "tstar seed=2 chain.rounds=two: chain.rounds must be a whole number, got",

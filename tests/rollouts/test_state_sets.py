@@ -60,6 +60,12 @@ def test_states_of_other_entries_are_refused():
     whole = states.all()
     with pytest.raises(InvalidValueError, match="these have mine"):
         states.extend(whole.clone().set("mine", torch.ones(1)))
+    wide = whole.clone().set("observation", torch.ones(1, 4))
+    for those, others in ((whole, wide), (wide, whole)):
+        there = StateSet(4)
+        there.extend(those)
+        with pytest.raises(InvalidValueError, match=r"sizes of those in the set, observation \([14],\); got"):
+            there.extend(others)
     assert len(states) == 1
     states.extend(whole)
 

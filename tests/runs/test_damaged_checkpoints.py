@@ -36,6 +36,14 @@ def test_a_damaged_copy_is_refused_by_the_name_of_its_file(checkpoints, tmp_path
     assert of_kinds.keys() == set(tool.KINDS) and min(of_kinds.values()) >= 2
 
 
+def test_what_a_file_system_leaves_in_a_checkpoint_does_no_harm(checkpoints, tmp_path):
+    copy = shutil.copytree(checkpoints[0], tmp_path / "copy")
+    for name in (".DS_Store", "._manifest.json", ".nfs01"):
+        (copy / name).touch()
+        (copy / "components" / name).touch()
+    assert tool.outcome(copy, SEAL) == tool.LOADED
+
+
 def test_every_file_of_a_checkpoint_is_guarded(checkpoints, tmp_path):
     whole, _ = checkpoints
     names = [path.relative_to(whole).as_posix() for path in whole.rglob("*") if path.is_file()]

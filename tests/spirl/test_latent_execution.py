@@ -55,6 +55,11 @@ class TestLatentExecution:
         assert_close(following["reward_env"].squeeze(-1), torch.tensor([2.0, 10.8, 10.8]))
         assert following["step_count"].squeeze(-1).tolist() == [4, 1, 1]
 
+    def test_a_simulation_that_a_step_leaves_out_takes_none(self, make_env):
+        env = TransformedEnv(make_env(seed=3), LatentExecution(forward_by, 1, 4))
+        begun = latent_policy(0.4)(env.reset()).set("_step", torch.tensor([True, False, True]))
+        assert env.step(begun)["next", "latent_steps"].squeeze(-1).tolist() == [4, 0, 4]
+
     def test_rows_that_ended_begin_anew_while_others_go_on(self, make_env):
         env = TransformedEnv(
             make_env(max_steps=6), Compose(StepCounter(), EpisodeStart(), LatentExecution(forward_by, 1, 4))

@@ -42,6 +42,6 @@ def refuse_recovery(folder: Path) -> None:
     """Raises InvalidValueError if the chain whose first skill is saved in `folder` has recovery."""
     if read_record(folder).get("recovery") is not None:
         raise InvalidValueError(
-            f"{folder.parent} is a chain with recovery, which evaluate.py alone runs; its skills are those of the "
-            "chain that it was made from"
+            f"{folder.parent} is a chain with recovery, which evaluate.py and ways_home.py alone run; its skills are "
+            "those of the chain that it was made from"
         )

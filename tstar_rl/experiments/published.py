@@ -113,9 +113,9 @@ def _copy(tables: list[Path], place: Path) -> list[Path]:
 
 
 def _has_figures_of(published: Path, file: Path) -> bool:
-    """Whether two evaluations are the same but for the minutes that they took; a published one may be damaged."""
+    """Whether two evaluations are the same but for minutes and the order of rows; a published one may be damaged."""
     try:
         there, here = (read_table(each).drop(columns=MEASURED, errors="ignore") for each in (published, file))
     except LogError:
         return False
-    return there.to_csv(index=False) == here.to_csv(index=False)
+    return sorted(there.to_csv(index=False).splitlines()) == sorted(here.to_csv(index=False).splitlines())

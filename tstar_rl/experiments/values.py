@@ -5,6 +5,7 @@ from typing import Any
 
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.check import check
+from tstar_rl.config.limits import MOST
 from tstar_rl.config.overrides import key_of
 from tstar_rl.config.recipe_kinds import ONE_POLICY
 from tstar_rl.config.values import task_section
@@ -98,9 +99,10 @@ def _check_whole(arm: Arm, of_chains: list[str]) -> None:
 
 
 def _check_seeds(where: str, seeds: Any) -> None:
-    whole = isinstance(seeds, tuple) and all(type(seed) is int and seed >= 0 for seed in seeds)
+    most = MOST["seed"]
+    whole = isinstance(seeds, tuple) and all(type(seed) is int and 0 <= seed <= most for seed in seeds)
     if not whole:
-        raise InvalidValueError(f"{where} must be a list of whole numbers from 0, got {seeds!r}")
+        raise InvalidValueError(f"{where} must be a list of whole numbers from 0 to {most}, got {seeds!r}")
     _check_once(where, seeds)
 
 

@@ -4,18 +4,22 @@ A step is a recipe and its values. Its own config says where its results lie, so
 """
 
 from collections.abc import Sequence
+from functools import partial
 from itertools import product
 from pathlib import Path
 
 from hydra import compose
+from hydra.errors import HydraException
 from omegaconf import DictConfig
+from omegaconf.errors import OmegaConfBaseException
 
 from tstar_rl.checks import InvalidValueError
 from tstar_rl.config.check import ConfigError
 from tstar_rl.config.demonstrations import check_made, demonstrated, demonstrations_path, digests_of_file
 from tstar_rl.config.load import check_config as check_values
+from tstar_rl.config.mistakes import in_words
 from tstar_rl.config.recipe_kinds import ONE_POLICY
-from tstar_rl.config.values import plain
+from tstar_rl.config.values import CONFIGS, plain
 from tstar_rl.launch.evaluations import is_evaluated
 from tstar_rl.launch.run_folders import evaluated_runs, run_folder
 from tstar_rl.launch.side_by_side import Step
@@ -50,21 +54,33 @@ def step_config(step: Step, shared: Sequence[str] = ()) -> DictConfig:
     return compose(f"recipe/{name}", [*shared, *values])
 
 
-def check_step(step: Step, shared: Sequence[str] = ()) -> None:
+def check_step(step: Step, shared: Sequence[str] = (), configs: Path | None = None) -> None:
     """Refuses now what a step's recipe would refuse of its values once it is run, hours later.
 
     Args:
         step: recipe and values.
         shared: values that come before the step's own.
+        configs: the folder of those of another commit, from which Hydra composes now; what its code refuses of values
+            that are there is not known here. None: the configs here.
 
     Raises:
         ConfigError: with the recipe and its values.
     """
     name, *values = step
+    check = partial(check_values, name=name) if configs is None else _check_nothing
     try:
-        check_values(step_config(step, shared), name)
+        check(step_config(step, shared))
     except InvalidValueError as error:
-        raise ConfigError(f"{' '.join((name, *values))}: {error}") from None
+        wrong = str(error)
+    except (HydraException, OmegaConfBaseException) as error:
+        wrong = in_words(error, configs or CONFIGS, name, check, [*shared, *values])
+    else:
+        return
+    raise ConfigError(f"{' '.join((name, *values))}: {wrong}")
+
+
+def _check_nothing(config: DictConfig) -> None:
+    """Of another commit's config."""
 
 
 def is_done(
@@ -73,7 +89,8 @@ def is_done(
     """Whether a step need not be run: its files are there, and are what the step would make.
 
     Demonstrations are done if their files are there, and hold what the step would make. A training is done if it has
-    finished with the same config, which has the SHA-256 of a user's file of demonstrations, and its results are there.
+    finished with the same config, which has the SHA-256 of a user's file of demonstrations, and its results and what it
+    has trained are there.
     One that may go on to more steps (`as_begun`) is not done if more are asked for than it was given. Whether the
     library's demonstrations or its skills were made again since is not asked:
     with one config and one commit they are the same to the bit. An evaluation is done if every run that it
@@ -103,6 +120,8 @@ def is_done(
         return True
     if step[0] == "evaluate":
         return is_evaluated(config, furniture)
+    if not (run_folder(config, "runs_dir") / "last").is_dir():
+        return False
     results = run_folder(config, "results_dir")
     saved = read_config(results)
     unread = NOT_CLONED if step[0] == "bc" else CHAINING if step[0] in ONE_POLICY else ()

@@ -80,7 +80,8 @@ class StateSet:
         """Adds rows (n,); of more than `capacity` the last are kept. Returns n.
 
         Raises:
-            InvalidValueError: if they have other entries than those that are there: these would be read as noise.
+            InvalidValueError: if they have other entries than those that are there, which would be read as noise, or an
+                entry of another size, which would be repeated to fit.
         """
         count = rows.batch_size[0]
         if count:
@@ -100,6 +101,11 @@ class StateSet:
             raise InvalidValueError(
                 f"states must have the entries of those in the set; these {which} {wrong[0]}"
             )
+        for key in sorted(new, key=str):
+            if (size := rows[key].shape[1:]) != (others := kept[key].shape[1:]):
+                raise InvalidValueError(
+                    f"states must have the sizes of those in the set, {key} {tuple(others)}; got {tuple(size)}"
+                )
 
     def all(self) -> TensorDictBase:
         """Every state, batch size [len(self)], in the order of the ring's slots."""

@@ -21,7 +21,7 @@ from torchrl.checkpoint import (
 )
 
 from tstar_rl.checks import InvalidValueError, MissingFileError, UserError
-from tstar_rl.runs.checksums import SEAL, DamagedCheckpointError, read_seal, seal, verify
+from tstar_rl.runs.checksums import LITTER, SEAL, DamagedCheckpointError, read_seal, seal, verify
 from tstar_rl.runs.files import named_in_errors, remove_remains, replacing_folder
 from tstar_rl.runs.mismatch import CheckpointMismatchError, differences
 from tstar_rl.runs.run_folder import made_by
@@ -44,8 +44,6 @@ Settings = TypeVar("Settings")
 MANIFEST = "manifest.json"
 PARTS = (MANIFEST, SEAL, "components")
 """What lies in a checkpoint's folder."""
-LITTER = r"\.DS_Store|\._.*|\.nfs.*"
-"""What file systems leave in folders."""
 
 
 class _SealedCheckpoint(Checkpoint):

@@ -2,15 +2,18 @@
 
 import hashlib
 import json
+import re
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from tstar_rl.checks import UserError
 
-__all__ = ["SEAL", "DamagedCheckpointError", "read_seal", "seal", "verify"]
+__all__ = ["LITTER", "SEAL", "DamagedCheckpointError", "read_seal", "seal", "verify"]
 
 SEAL = "checksums.json"
+LITTER = r"\.DS_Store|\._.*|\.nfs.*"
+"""What file systems leave in folders: no part of what is sealed."""
 SHOWN = 3
 """Damaged files that a message names before it counts the others."""
 
@@ -72,8 +75,10 @@ def _compare(folder: Path, name: str, sealed: dict[str, Any] | None, there: set[
 
 
 def _files_in(folder: Path) -> list[str]:
+    """All but the seal and what a file system has left there."""
     found = (path for path in folder.rglob("*") if path.is_symlink() or not path.is_dir())
-    return sorted(name for path in found if (name := path.relative_to(folder).as_posix()) != SEAL)
+    named = (path.relative_to(folder).as_posix() for path in found if not re.fullmatch(LITTER, path.name))
+    return sorted(name for name in named if name != SEAL)
 
 
 def _describe(path: Path) -> dict[str, Any]:

@@ -11,6 +11,8 @@ from torchrl.data import Composite, TensorSpec, Unbounded
 from torchrl.envs import Transform
 from torchrl.modules import ProbabilisticActor
 
+from tstar_rl.transforms.reward_transform import taken_steps
+
 __all__ = ["LatentExecution", "LatentPolicy"]
 
 OUTCOME, BEGUN = "_outcome", "_begun"
@@ -99,6 +101,8 @@ class LatentExecution(Transform):
 
     def _step(self, tensordict: TensorDictBase, next_tensordict: TensorDictBase) -> TensorDictBase:
         following = self._add_step(tensordict.get(OUTCOME, None), next_tensordict)
+        if (taken := taken_steps(tensordict)) is not None:
+            following.set("latent_steps", following.get("latent_steps") * taken.unsqueeze(-1))
         if (begun := tensordict.get(BEGUN, None)) is not None:
             tensordict.update(begun)  # for what comes after this transform the step began there
         return following
