@@ -195,7 +195,7 @@ def test_recipes_that_would_run_the_skills_without_recovery_refuse_it(point_chai
     places = {f"{place}_dir": str(tmp_path / place) for place in ("results", "runs")}
     config = OmegaConf.create({**places, "task": {"name": "table_lack"}, "seed": 0, "checkpoint": "last"})
     with pytest.raises(
-        InvalidValueError, match="last is a chain with recovery, which evaluate.py alone runs"
+        InvalidValueError, match="last is a chain with recovery, which evaluate.py and ways_home.py alone run"
     ):
         chain_of(config, "recover")
 
