@@ -78,7 +78,9 @@ def test_a_user_s_demonstrations_are_no_script_s_and_leave_the_script_s_alone(
 def test_episodes_of_a_chain_with_recovery_are_not_made_without_it(call, tmp_path):
     skills = [Skill("chair_ingolf", index, NetworkSettings(hidden=(8,))) for index in range(2)]
     save_chain(skills, tmp_path / "chain", recovery={"settings": {}, "shares": [1.0]})
-    with pytest.raises(SystemExit, match="chain is a chain with recovery, which evaluate.py and ways_home.py alone run"):
+    with pytest.raises(
+        SystemExit, match="chain is a chain with recovery, which evaluate.py and ways_home.py alone"
+    ):
         call("export", *QUICK, f"path={tmp_path / 'chain'}", "episodes=2", "formats=[hdf5]")
 
 

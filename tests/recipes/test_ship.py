@@ -45,7 +45,9 @@ def test_a_chain_with_recovery_is_not_shipped(trained, call):
     """Whoever loaded it would run its skills without."""
     run = Path("runs/table_lack/tstar/seed4/last")
     save_chain(load_chain(run), run, recovery={"settings": {}, "shares": [1.0]})
-    with pytest.raises(SystemExit, match="last is a chain with recovery, which evaluate.py and ways_home.py alone run"):
+    with pytest.raises(
+        SystemExit, match="last is a chain with recovery, which evaluate.py and ways_home.py alone run"
+    ):
         call("ship", "scale=narrow", "seed=4", "variant=mended", "says=goes home")
     assert not Path("runs/shipped").exists()
 

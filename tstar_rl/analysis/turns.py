@@ -30,7 +30,7 @@ def tried_turns(metrics: pd.DataFrame, task: str) -> pd.DataFrame:
 def steps_of_trials(metrics: pd.DataFrame, task: str) -> pd.Series:
     """Environment steps of the trials of each arm's chain, and of the episodes before its first turn.
 
-    Runs of before experiment 0010 have not counted these episodes (chain.seed_episodes): of them it is the trials alone.
+    Runs of before experiment 0010 have not counted these (chain.seed_episodes): of them it is the trials alone.
 
     Args:
         metrics: see `tried_turns`.
