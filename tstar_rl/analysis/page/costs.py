@@ -16,7 +16,7 @@ __all__ = ["costs", "draw_costs"]
 COST = (
     "Progress with its 95% interval, a small dot for each seed, against environment steps: of skills, of fine-tuning "
     "and of trials after turns. "
-    "Not counted in the runs published so far: the episodes of a chain before its first turn (chain.seed_episodes)."
+    "The episodes of a chain before its first turn (chain.seed_episodes) are counted from experiment 0010 on."
 )
 
 

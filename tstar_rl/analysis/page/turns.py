@@ -40,8 +40,8 @@ Means over seeds. Progress is that of the chain that goes on, in the trials afte
 end, the one that rose earlier has more. AUC: how well the signal that paid a skill tells whether the next one then
 succeeded (.5: nothing), with half of Student's 95% interval over seeds, over the turns that were kept and after which
 it both succeeded and failed, which not all seeds may have; spread: the deviation of its scores over all turns that were
-kept; neither is shown of an arm with several signals. Steps of trials: in the runs published so far they are without
-the episodes of a chain before its first turn (chain.seed_episodes).
+kept; neither is shown of an arm with several signals. Steps of trials: from experiment 0010 on they are with the
+episodes of a chain before its first turn (chain.seed_episodes).
 """
 
 
