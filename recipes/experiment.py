@@ -17,7 +17,6 @@ numbers are an error.
 import itertools
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -36,12 +35,11 @@ from tstar_rl.launch.backends import check_local
 from tstar_rl.launch.bonus import bonus_source, with_bonus, with_some_bonus, without_bonus
 from tstar_rl.launch.code_of_commit import code_of_commit, configs_of
 from tstar_rl.launch.overrides import passed_on
-from tstar_rl.launch.run_folders import run_folder
 from tstar_rl.launch.side_by_side import Step, run_side_by_side
 from tstar_rl.launch.steps import check_step, is_done, left_behind, step_config
 from tstar_rl.launch.time_limit import MORE, TimeIsOver, check_goes_on, deadline, run_until
 from tstar_rl.runs.mismatch import MACHINE_ONLY
-from tstar_rl.runs.run_folder import Place, run_path
+from tstar_rl.runs.run_folder import Place
 
 OWN = ("experiment", "processes", "minutes", "publish", "unpublished", "seeds", "tasks", "arms")
 
@@ -73,7 +71,10 @@ def main(config: DictConfig) -> None:
         first = [*declared.shared(*declared.lanes()[0]), *passed_on(OWN)]
         results = step_config(("gail_ppo",), first).results_dir
         try:
-            print("\n".join(map(str, publish(results, published, partial(run.is_done, declared, results)))))
+            written = publish(
+                results, published, lambda place: declared.declares(place) and place in run.evaluated
+            )
+            print("\n".join(map(str, written)))
         except UserError as error:
             if stopped is None:
                 raise
@@ -130,14 +131,14 @@ class _Steps:
         end: when the time is over, in seconds of the monotonic clock.
         published: tables of the experiment, where a bonus may be found.
         further: steps that left more to go on from than they found.
-        evaluated: folders of the tables of evaluations that are done.
+        evaluated: whose evaluation is done.
     """
 
     code: dict[str, Path]
     end: float
     published: Path
     further: list[Step] = field(default_factory=list)
-    evaluated: set[Path] = field(default_factory=set)
+    evaluated: set[Place] = field(default_factory=set)
     composing: Lock = field(default_factory=Lock)
     """Hydra composes one config at a time."""
 
@@ -151,11 +152,7 @@ class _Steps:
         if not done:
             self._run(step, place, line, root)
         if step[0] == "evaluate":
-            self.evaluated.add(run_folder(place, "results_dir"))
-
-    def is_done(self, declared: DeclaredExperiment, results: str, run: Place) -> bool:
-        """Whether a run is declared, and its evaluation below `results` was made by these steps or found done."""
-        return declared.declares(run) and run_path(results, *run) in self.evaluated
+            self.evaluated.add(Place(place.task.name, place.system, place.seed, place.subtask))
 
     def _run(self, step: Step, place: DictConfig, line: int, root: Path | None) -> None:
         """Runs a step; `place` is its config."""
@@ -185,11 +182,7 @@ def _check(lanes: list[list[Planned]], code: dict[str, Path]) -> None:
         for commit, step in reversed(list(itertools.chain(*lanes)))
     }
     for commit, step in kinds.values():
-        if commit is None:
-            check_step(with_some_bonus(step))
-            continue
-        with configs_of(code[commit]):  # whose recipes check more than that there are such values
-            check_step(with_some_bonus(step), configs=code[commit] / "configs")
+        check_step(with_some_bonus(step), code=code.get(commit or ""))
 
 
 def _check_bonuses(lanes: list[list[Planned]], code: dict[str, Path], published: Path) -> None:

@@ -23,7 +23,7 @@ from tstar_rl.config.recovery import refuse_recovery
 from tstar_rl.config.values import plain
 from tstar_rl.launch.overrides import chosen_scale
 from tstar_rl.launch.run_folders import evaluated_runs, of_an_earlier_training, run_folder
-from tstar_rl.runs.csv_tables import LogError, read_table
+from tstar_rl.runs.csv_tables import read_table
 from tstar_rl.runs.mismatch import FURNITURE, CheckpointMismatchError, differences
 from tstar_rl.runs.run_config import read_config
 from tstar_rl.runs.run_folder import is_untrained, made_by
@@ -92,9 +92,7 @@ def _figures_of(results: Path, config: DictConfig) -> dict[str, dict[str, float]
     """The figures of its evaluation, by mode."""
     file, asked = results / "evaluation.csv", f"system={config.system} seed={config.seed}"
     needed = ["checkpoint", "seed", "mode", *FIGURES]
-    table = read_table(file) if file.is_file() else pd.DataFrame(columns=needed)
-    if lacking := [name for name in needed if name not in table]:
-        raise LogError(f"{file} has no column {', '.join(lacking)}: evaluate the chain again")
+    table = read_table(file, needed) if file.is_file() else pd.DataFrame(columns=needed)
     rows = table[(table.checkpoint == config.checkpoint) & (table.seed == config.seed)].set_index("mode")
     if rows.empty:
         raise MissingFileError(

@@ -136,7 +136,9 @@ def test_a_table_that_is_no_evaluation_is_named(shared):
     finish(EVALUATE, shared, at=2)
     file = run_folder(step_config(EVALUATE, shared), "results_dir") / "evaluation.csv"
     file.write_text("checkpoint,mode\nlast,deterministic\n")
-    with pytest.raises(LogError, match=r"evaluation.csv has no column seed, episodes: put it back"):
+    with pytest.raises(
+        LogError, match=r"evaluation.csv is damaged \(it has no column seed, episodes\): put it back"
+    ):
         is_done(EVALUATE, shared)
 
 

@@ -149,6 +149,8 @@ def test_where_a_step_fails_what_this_call_has_evaluated_is_published(queue, tmp
         (run / "evaluation.csv").write_text("progress,minutes\n1,1\n")
     with pytest.raises(SystemExit, match="this step failed: evaluate"):
         queue("publish=true", takes=fails_after_the_first_arm)
+    with pytest.raises(SystemExit, match="this step failed: evaluate"):
+        queue("publish=true", "seeds=[1]", takes=fails_after_the_first_arm)  # which is not declared
     published = sorted((tmp_path / "results/published").rglob("evaluation.csv"))
     assert [
         file.relative_to(tmp_path / "results/published/shelf/chair_agne").as_posix() for file in published
@@ -232,6 +234,18 @@ def test_a_mistake_is_told_before_the_first_step_whichever_lane_it_is_in(queue, 
         queue(takes=lambda step: pytest.fail(f"ran {step}"))
 
 
+def test_a_mistake_of_an_arm_of_another_commit_is_told_without_its_code(queue, monkeypatch):
+    import experiment
+
+    lanes = [[("abc", ("tstar", "seed=2", "chain.round=2"))]]
+    monkeypatch.setattr(experiment, "_lanes", lambda *_: lanes)
+    message = (
+        r"tstar seed=2 chain.round=2: the configs of tstar at that commit have no .*; did you mean rounds"
+    )
+    with pytest.raises(SystemExit, match=message):
+        queue(takes=lambda step: pytest.fail(f"ran {step}"))
+
+
 def test_a_bonus_that_no_arm_decides_is_told_before_the_first_step(queue):
     """Of an arm that is neither chosen, nor trained, nor published."""
     values = ("experiment=narrow_no_gate", "tasks=[table_lack]", "seeds=[1300]")
@@ -245,7 +259,7 @@ def test_steps_that_differ_in_their_seed_are_looked_at_once(queue, monkeypatch):
     import experiment
 
     looked = []
-    monkeypatch.setattr(experiment, "check_step", lambda step: looked.append(step))
+    monkeypatch.setattr(experiment, "check_step", lambda step, code: looked.append(step))
     lanes = [
         [(None, (name, f"seed={seed}", "subtask=0")) for name in ("gail_ppo", "ppo")] for seed in range(3)
     ]

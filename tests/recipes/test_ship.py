@@ -142,7 +142,7 @@ def test_a_chain_that_was_not_evaluated_is_refused(trained, say):
 def test_a_table_without_a_figure_is_refused(trained, say):
     table = trained / "evaluation.csv"
     pd.read_csv(table).drop(columns="progress").to_csv(table, index=False)
-    assert f"{table} has no column progress: evaluate the chain again" in say(
+    assert f"{table} is damaged (it has no column progress): put it back" in say(
         "ship", "scale=narrow", "seed=4"
     )
 

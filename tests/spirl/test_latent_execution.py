@@ -57,8 +57,12 @@ class TestLatentExecution:
 
     def test_a_simulation_that_a_step_leaves_out_takes_none(self, make_env):
         env = TransformedEnv(make_env(seed=3), LatentExecution(forward_by, 1, 4))
-        begun = latent_policy(0.4)(env.reset()).set("_step", torch.tensor([True, False, True]))
+        inner, seen = env.base_env._step, []
+        env.base_env._step = lambda tensordict: seen.append(tensordict["_step"].tolist()) or inner(tensordict)
+        asked = [True, False, True]
+        begun = latent_policy(0.4)(env.reset()).set("_step", torch.tensor(asked))
         assert env.step(begun)["next", "latent_steps"].squeeze(-1).tolist() == [4, 0, 4]
+        assert seen == [asked] * 4
 
     def test_rows_that_ended_begin_anew_while_others_go_on(self, make_env):
         env = TransformedEnv(

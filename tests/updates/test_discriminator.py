@@ -75,15 +75,18 @@ def test_one_side_of_weight_one_is_the_plain_update_and_an_empty_side_is_none():
 
 
 def test_what_is_logged_is_the_mean_over_steps_and_sides():
-    side = {"initiation": torch.ones(4, 72), "termination": -torch.ones(4, 72)}
+    one = {"initiation": torch.ones(4, 72), "termination": -torch.ones(4, 72)}
+    other = {"initiation": 3 * torch.ones(4, 72), "termination": torch.zeros(4, 72)}
     labels, logs = {"initiation": 1.0, "termination": 0.0}, []
-    for steps, sides in ((1, [side]), (3, [side, side])):
+    for steps, sides in ((1, [one]), (1, [other]), (1, [one, other]), (3, [one, other])):
         torch.manual_seed(0)
-        settings = DiscriminatorSettings(learning_rate=1e-9, steps=steps)
+        settings = DiscriminatorSettings(learning_rate=1e-9, steps=steps, gradient_penalty=0.0)
         logs.append(
             DiscriminatorUpdate("d", make_discriminator(72, hidden=(8,)), labels, settings).on_sides(sides)
         )
-    assert logs[1] == pytest.approx(logs[0], rel=1e-3, abs=1e-6) and len(logs[0]) > 3
+    mean = {name: (logs[0][name] + logs[1][name]) / 2 for name in logs[0]}
+    assert logs[2] == pytest.approx(mean, rel=1e-3, abs=1e-6) and len(mean) > 3
+    assert logs[3] == pytest.approx(mean, rel=1e-3, abs=1e-6) != pytest.approx(logs[0], rel=1e-2)
 
 
 def test_the_losses_of_sides_count_by_their_weight():

@@ -27,7 +27,7 @@ Check = Callable[[DictConfig], None]
 
 
 def in_words(
-    error: Exception, configs: Path, name: str, check: Check, given: Sequence[str] | None = None
+    error: Exception, configs: Path, name: str, check: Check | None, given: Sequence[str] | None = None
 ) -> str:
     """What the command line should have been.
 
@@ -35,7 +35,7 @@ def in_words(
         error: Hydra's.
         configs: the folder of the configs.
         name: of the recipe.
-        check: raises for a config with a key that is not known.
+        check: raises for a config with a key that is not known. None: that is not known here, as of another commit.
         given: the values; None: those of the command line.
     """
     given = sys.argv[1:] if given is None else given
@@ -122,7 +122,7 @@ def _missing_file(missing: Path, configs: Path, name: str, given: Sequence[str])
     return f"{group}={option}: {must_be(group, valid)}{did_you_mean(option, valid)}"
 
 
-def _unknown_key(key: str, configs: Path, name: str, check: Check, given: Sequence[str]) -> str:
+def _unknown_key(key: str, configs: Path, name: str, check: Check | None, given: Sequence[str]) -> str:
     """For a key that the recipe's config does not have: what `check` says of it, or how to add it."""
     groups = [path.name for path in configs.iterdir() if path.is_dir()]
     if key in groups:
@@ -136,6 +136,9 @@ def _unknown_key(key: str, configs: Path, name: str, check: Check, given: Sequen
         section, _, last = key.rpartition(".")
         there = OmegaConf.select(config, section) if section else config
         near = did_you_mean(last, [*there]) if isinstance(there, DictConfig) else ""
+        if check is None:
+            said = f"the configs of {name} at that commit have no {key}"
+            return f"{said} (a field that its code declares all the same takes a +: +{key}=...){near}"
         with open_dict(config):
             OmegaConf.update(config, key, _given(key, given), force_add=True)
         check(config)

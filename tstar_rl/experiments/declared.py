@@ -142,10 +142,8 @@ class DeclaredExperiment:
     @property
     def every_seed(self) -> tuple[int, ...]:
         """The seeds that any task has."""
-        of_tasks = {task: self.seeds_by_task.get(task, self.seeds) for task in self.tasks}
-        there = set().union(*of_tasks.values())
-        named = (*self.seeds, *(seed for seeds in of_tasks.values() for seed in seeds))
-        return tuple(seed for seed in dict.fromkeys(named) if seed in there)
+        seeds = (self.seeds_by_task.get(task, self.seeds) for task in self.tasks)
+        return tuple(dict.fromkeys(seed for of_task in seeds for seed in of_task))
 
     def lanes(self, seeds: Iterable[int] = (), tasks: Iterable[str] = ()) -> list[tuple[str, int]]:
         """Task and seed of everything that is run, seed by seed.

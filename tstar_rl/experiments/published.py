@@ -21,7 +21,7 @@ MEASURED = "minutes"
 
 
 def publish(
-    source: str | Path, target: str | Path, declared: Callable[[Place], bool] = lambda run: True
+    source: str | Path, target: str | Path, chosen: Callable[[Place], bool] = lambda run: True
 ) -> list[Path]:
     """Copies the tables of every finished run below `source` to the same place below `target`.
 
@@ -31,7 +31,7 @@ def publish(
     Args:
         source: folder of results.
         target: folder of published results.
-        declared: whether a run is of the experiment. One that is not, as of a seed for tuning, stays where it is.
+        chosen: whether a run is to be published; others, as of a seed for tuning, stay where they are.
 
     Returns:
         The files written.
@@ -43,7 +43,7 @@ def publish(
     """
     written, differ = [], []
     other_skills: set[tuple[str, str, int]] = set()
-    found, damaged = _skills_first(Path(source), Path(target), declared)
+    found, damaged = _skills_first(Path(source), Path(target), chosen)
     for file, there in found:
         place = read_run_path(there.parent.relative_to(target))[0]
         with turn_to_write(there.parent):
@@ -72,9 +72,9 @@ def publish(
 
 
 def _skills_first(
-    source: Path, target: Path, declared: Callable[[Place], bool]
+    source: Path, target: Path, chosen: Callable[[Place], bool]
 ) -> tuple[list[tuple[Path, Path]], list[UserError]]:
-    """Evaluations of declared runs, with where they are published, skills first; and errors of those of no run."""
+    """Evaluations of chosen runs, with where they are published, skills first; and errors of those of no run."""
     found: list[tuple[bool, Path, Path]] = []
     errors: list[UserError] = []
     for file in sorted(source.rglob("evaluation.csv")):
@@ -84,7 +84,7 @@ def _skills_first(
             errors.append(error)
             continue
         # Below a run's folder lies what was evaluated by its path, as one skill of a chain.
-        if declared(place) and below == Path():
+        if chosen(place) and below == Path():
             found.append((place.subtask is None, file, target / file.relative_to(source)))
     return [(file, there) for _, file, there in sorted(found)], errors
 

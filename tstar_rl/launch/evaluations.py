@@ -4,12 +4,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
 from omegaconf import DictConfig
 
 from tstar_rl.config.values import plain
 from tstar_rl.launch.run_folders import evaluated_runs, of_an_earlier_training, run_folder
-from tstar_rl.runs.csv_tables import LogError, read_table
+from tstar_rl.runs.csv_tables import read_table
 from tstar_rl.runs.mismatch import FURNITURE, CheckpointMismatchError, differences
 from tstar_rl.runs.run_config import MEASURED_ON, read_config
 from tstar_rl.runs.run_folder import FINISHED, run_path
@@ -29,7 +28,7 @@ def is_evaluated(config: DictConfig, furniture: dict[str, str]) -> bool:
     file = results / "evaluation.csv"
     if not all((run / FINISHED).is_file() for run in runs) or of_an_earlier_training(file, config):
         return False
-    table, evaluation = _read(file), config.evaluation
+    table, evaluation = read_table(file, ("checkpoint", "mode", "seed", "episodes")), config.evaluation
     number = evaluation.whole_episodes if config.subtask is None else evaluation.episodes
     rows = table[(table.seed == config.seed) & (table.episodes == number)]
     rows, asked = rows[rows.checkpoint.isin(list(config.checkpoints))], set(config.modes)
@@ -37,16 +36,6 @@ def is_evaluated(config: DictConfig, furniture: dict[str, str]) -> bool:
     return asked <= set(rows["mode"]) and all(
         asked <= set(rows[rows.checkpoint == name]["mode"]) for name in left
     )
-
-
-def _read(file: Path) -> pd.DataFrame:
-    """An evaluation's table; LogError if it lacks a column that every one has."""
-    table = read_table(file)
-    if lacking := [name for name in ("checkpoint", "mode", "seed", "episodes") if name not in table]:
-        raise LogError(
-            f"{file} has no column {', '.join(lacking)}: put it back from a copy, or delete it and run what wrote it"
-        )
-    return table
 
 
 def check_evaluation(folder: Path, config: Mapping[str, Any]) -> None:

@@ -4,6 +4,7 @@ A step is a recipe and its values. Its own config says where its results lie, so
 """
 
 from collections.abc import Sequence
+from contextlib import nullcontext
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -20,6 +21,7 @@ from tstar_rl.config.load import check_config as check_values
 from tstar_rl.config.mistakes import in_words
 from tstar_rl.config.recipe_kinds import ONE_POLICY
 from tstar_rl.config.values import CONFIGS, plain
+from tstar_rl.launch.code_of_commit import configs_of
 from tstar_rl.launch.evaluations import is_evaluated
 from tstar_rl.launch.run_folders import evaluated_runs, run_folder
 from tstar_rl.launch.side_by_side import Step
@@ -54,33 +56,32 @@ def step_config(step: Step, shared: Sequence[str] = ()) -> DictConfig:
     return compose(f"recipe/{name}", [*shared, *values])
 
 
-def check_step(step: Step, shared: Sequence[str] = (), configs: Path | None = None) -> None:
+def check_step(step: Step, shared: Sequence[str] = (), code: Path | None = None) -> None:
     """Refuses now what a step's recipe would refuse of its values once it is run, hours later.
 
     Args:
         step: recipe and values.
         shared: values that come before the step's own.
-        configs: the folder of those of another commit, from which Hydra composes now; what its code refuses of values
-            that are there is not known here. None: the configs here.
+        code: the folder of another commit's, which runs the step: there are such values in its configs, or not; what
+            it refuses of those that are there is not known here. None: the code here.
 
     Raises:
         ConfigError: with the recipe and its values.
     """
     name, *values = step
-    check = partial(check_values, name=name) if configs is None else _check_nothing
-    try:
-        check(step_config(step, shared))
-    except InvalidValueError as error:
-        wrong = str(error)
-    except (HydraException, OmegaConfBaseException) as error:
-        wrong = in_words(error, configs or CONFIGS, name, check, [*shared, *values])
-    else:
-        return
+    check = partial(check_values, name=name) if code is None else None
+    with nullcontext() if code is None else configs_of(code):
+        try:
+            config = step_config(step, shared)
+            if check is not None:
+                check(config)
+            return
+        except InvalidValueError as error:
+            wrong = str(error)
+        except (HydraException, OmegaConfBaseException) as error:
+            configs = CONFIGS if code is None else code / "configs"
+            wrong = in_words(error, configs, name, check, [*shared, *values])
     raise ConfigError(f"{' '.join((name, *values))}: {wrong}")
-
-
-def _check_nothing(config: DictConfig) -> None:
-    """Of another commit's config."""
 
 
 def is_done(
@@ -120,8 +121,6 @@ def is_done(
         return True
     if step[0] == "evaluate":
         return is_evaluated(config, furniture)
-    if not (run_folder(config, "runs_dir") / "last").is_dir():
-        return False
     results = run_folder(config, "results_dir")
     saved = read_config(results)
     unread = NOT_CLONED if step[0] == "bc" else CHAINING if step[0] in ONE_POLICY else ()
@@ -132,7 +131,7 @@ def is_done(
     asked = known_then(saved, asked | {"recipe": step[0]} | furniture)
     begun = as_begun(saved, asked)
     check_config(results, saved, begun)
-    return bool(saved) and begun == asked
+    return bool(saved) and begun == asked and (run_folder(config, "runs_dir") / "last").is_dir()
 
 
 def missing(steps: Sequence[Step], shared: Sequence[str] = (), ignored: Sequence[str] = ()) -> list[Step]:

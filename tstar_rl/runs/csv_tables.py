@@ -21,11 +21,15 @@ class LogError(UserError, ValueError):
     """A table of a run is cut off, or has fewer rows than its checkpoint counts."""
 
 
-def read_table(path: str | Path) -> pd.DataFrame:
+def read_table(path: str | Path, columns: Sequence[str] = ()) -> pd.DataFrame:
     """A CSV table as it was written.
 
+    Args:
+        path: of the file.
+        columns: those that it must have, beside any others.
+
     Raises:
-        LogError: if the file is empty, cut off or no table; it is named.
+        LogError: if the file is empty, cut off or no table, or lacks a column; it is named.
         FileNotFoundError: if there is none.
     """
     path = Path(path)
@@ -34,7 +38,10 @@ def read_table(path: str | Path) -> pd.DataFrame:
         if not text.endswith("\n"):
             raise ValueError("its last line has no end" if text else "it is empty")
         _check_fields(text.split("\n"))  # splitlines() would also split a field that has an odd character
-        return pd.read_csv(StringIO(text), float_precision="round_trip")  # rows that stay are not changed
+        table = pd.read_csv(StringIO(text), float_precision="round_trip")  # rows that stay are not changed
+        if lacking := [name for name in columns if name not in table]:
+            raise ValueError(f"it has no column {', '.join(lacking)}")
+        return table
     except ValueError as error:  # a UnicodeDecodeError is one, and so are pandas' errors of reading
         raise LogError(
             f"{path} is damaged ({error}): put it back from a copy, or delete it and run what wrote it again"

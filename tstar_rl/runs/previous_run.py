@@ -65,7 +65,8 @@ class PreviousRun:
         if table.is_file() and not saved and not read_config(self.results).get("evaluation_only"):
             raise MissingFileError(
                 f"{self.results} has the tables of a run that was evaluated, and nothing of it is in {self.work}: give "
-                "the runs_dir that it was trained with, or another results_dir for a new one (resume=false starts over)"
+                "the runs_dir that it was trained with, put that back from a copy, or give another results_dir for a "
+                "new one (resume=false starts over)"
             )
 
     def _check_steps(self) -> None:
